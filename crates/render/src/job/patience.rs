@@ -1,6 +1,6 @@
 //! The time that a stopped render has to finish its current parts.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -19,28 +19,32 @@ const LONG: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub struct Pulse {
     start: Instant,
-    /// The milliseconds from the start to the last sign.
-    last: AtomicU64,
+    /// How often [`Self::is_stuck`] was asked since the last sign. Looks are counted, not time, so
+    /// that a process that was stopped, or had no processor, is not taken for stuck.
+    looks: AtomicU32,
     was_stuck: AtomicBool,
 }
 
 impl Default for Pulse {
     fn default() -> Self {
-        Self { start: Instant::now(), last: AtomicU64::new(0), was_stuck: AtomicBool::new(false) }
+        let (looks, was_stuck) = (AtomicU32::new(0), AtomicBool::new(false));
+        Self { start: Instant::now(), looks, was_stuck }
     }
 }
 
 impl Pulse {
     /// Notes a sign of life; to be called whenever the render asks whether to go on.
     pub fn beat(&self) {
-        let now = u64::try_from(self.start.elapsed().as_millis()).unwrap_or(u64::MAX);
-        self.last.fetch_max(now, Ordering::Relaxed);
+        self.looks.store(0, Ordering::Relaxed);
     }
 
     /// True if the time limit is over, and there was no sign of life for as long again, and for at
-    /// least ten seconds. Without a limit, nothing is stuck.
+    /// least ten seconds. Without a limit, nothing is stuck. Only [`with_patience`] may ask, which
+    /// does so at intervals.
     pub fn is_stuck(&self, limit: Option<Duration>) -> bool {
-        let is_stuck = limit.is_some_and(|limit| self.is_late_and_silent(limit, limit.max(LONG)));
+        let silence = LOOK * (self.looks.fetch_add(1, Ordering::Relaxed) + 1);
+        let is_stuck =
+            limit.is_some_and(|limit| self.start.elapsed() > limit && silence > limit.max(LONG));
         self.was_stuck.fetch_or(is_stuck, Ordering::Relaxed);
         is_stuck
     }
@@ -48,12 +52,6 @@ impl Pulse {
     /// True if [`Self::is_stuck`] was ever true.
     pub fn was_stuck(&self) -> bool {
         self.was_stuck.load(Ordering::Relaxed)
-    }
-
-    fn is_late_and_silent(&self, limit: Duration, long: Duration) -> bool {
-        let elapsed = self.start.elapsed();
-        let last = Duration::from_millis(self.last.load(Ordering::Relaxed));
-        elapsed > limit && elapsed.saturating_sub(last) > long
     }
 }
 
@@ -89,15 +87,15 @@ mod tests {
 
     #[test]
     fn a_render_is_stuck_if_it_is_late_and_silent() {
-        let (pulse, short) = (Pulse::default(), Duration::from_millis(20));
-        let (day, step) = (Duration::from_secs(86400), short * 2);
-        std::thread::sleep(step);
-        assert!(pulse.is_late_and_silent(short, short) && !pulse.is_late_and_silent(day, short));
-        assert!(!pulse.is_stuck(Some(short)) && !pulse.is_stuck(None));
-        pulse.beat();
-        assert!(!pulse.is_late_and_silent(short, day / 2));
-        std::thread::sleep(step);
-        assert!(pulse.is_late_and_silent(short, short));
+        let (pulse, moment) = (Pulse::default(), Some(Duration::from_nanos(1)));
+        let looks = LONG.div_duration_f64(LOOK) as usize;
+        for round in 0..2 {
+            assert!((0..looks).all(|_| !pulse.is_stuck(moment)), "round {round}");
+            pulse.beat();
+        }
+        let later = Some(Duration::from_secs(3600));
+        assert!((0..=looks).all(|_| !pulse.is_stuck(None) && !pulse.is_stuck(later)));
+        assert!(!pulse.was_stuck() && pulse.is_stuck(moment) && pulse.was_stuck());
     }
 
     #[test]
