@@ -206,7 +206,7 @@ fn spellings(name: &str) -> Vec<String> {
     let plain = plain.trim_end_matches('/');
     let mut all = vec![slashes.clone(), plain.into()];
     if let Some((path, _)) = plain.split_once(['?', '#']) {
-        all.push(path.into());
+        all.push(path.trim_end().into());
     }
     all.dedup();
     all
@@ -244,6 +244,7 @@ mod tests {
             ("\"c.png\"", "scene/c.png"),
             ("c.png?v=3", "scene/c.png"),
             ("C.PNG#x", "scene/c.png"),
+            ("c.png # of wood", "scene/c.png"),
             ("odd?v=3", "scene/odd?v=3"),
             ("https://example.org/c.png?size=2", "scene/c.png"),
             ("my%20tex.png", "scene/my tex.png"),

@@ -16,7 +16,7 @@ use snell_formats::image::cryptomatte;
 use snell_math::DVec3;
 use snell_oidn::{DenoiseError, Denoiser};
 use snell_render::layers::{Coverage, name_groups};
-use snell_render::{Aov, Film, Job, Progress, Request, Settings, Underway, with_patience};
+use snell_render::{Aov, Film, Job, Progress, Pulse, Request, Settings, Underway, with_patience};
 use snell_scene::{Camera, LayeredImage};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -243,10 +243,9 @@ impl Plan {
         goal: Goal,
         watch: &Watch,
     ) -> Result<Rendered, DenoiseError> {
-        with_patience(
-            || watch.cancel.check().is_err(),
-            |cancel| self.run_with(partial, goal, watch, cancel),
-        )
+        let (pulse, time) = (Pulse::default(), goal.time);
+        let is_stopped = || watch.cancel.check().is_err() || pulse.is_stuck(time);
+        with_patience(is_stopped, |cancel| self.run_with(partial, goal, watch, &pulse, cancel))
     }
 
     fn run_with(
@@ -254,12 +253,14 @@ impl Plan {
         partial: Option<PartialRender>,
         goal: Goal,
         watch: &Watch,
+        pulse: &Pulse,
         cancel: &AtomicBool,
     ) -> Result<Rendered, DenoiseError> {
         let Task { prepared, camera, request, settings, .. } = &self.task;
         let (start, compiled) = (Instant::now(), &prepared.compiled);
         let job = Job::new(compiled, camera, settings).with_cancel(cancel);
         let keep_going = |progress: &Progress| {
+            pulse.beat();
             if progress.training.is_none()
                 && let Ok(mut last) = watch.progress.try_lock()
             {

@@ -105,6 +105,8 @@ def convert(
             context.remark(remark)
         text = document(context, name)
         files.check_opened(stage)
+        for remark in dict.fromkeys(files.found):
+            context.remark(remark)
         found = context.remarks
     except Tf.ErrorException as error:
         raise ValueError(

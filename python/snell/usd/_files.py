@@ -14,6 +14,7 @@ from typing import Any
 from pxr import Ar, Sdf, Tf
 
 from ._materialx import layer_of
+from ._search import search
 
 __all__ = ["Files", "Mended", "StageError", "cause"]
 
@@ -109,6 +110,8 @@ class Files:
     def __init__(self, path: str, *, confine: bool, most: int) -> None:
         self.path, self.confine, self.most = path, confine, most
         self.folder = os.path.realpath(os.path.dirname(path) or ".")
+        #: Remarks on files that were found under other names than those in the stage.
+        self.found: list[str] = []
 
     def layers(self, mended: Mended) -> list[Any]:
         """Opens the layers of the stage one after the other, and checks the name of each before.
@@ -136,7 +139,13 @@ class Files:
                     known.add(identifier)
                     if len(known) > self.most:
                         raise StageError(f"it names more than {self.most} layers; split the stage")
-                    if further := _opened(identifier):
+                    further = _opened(identifier)
+                    if not further and (file := self._searched(layer, name)):
+                        further = _opened(file)
+                        if further:
+                            mended.replaced(layer, name, further)
+                            self._tell(name, file)
+                    if further:
                         found.append(further)
                         todo.append(further)
                 # The rates of clips play no part, and nothing that they name is used.
@@ -192,11 +201,9 @@ class Files:
     def picture(self, asset: Any, attribute: Any) -> tuple[bytes | None, str]:
         """The content of an image that an attribute names, or the reason why there is none."""
         layer = _layer_of(attribute)
-        if not asset.resolvedPath and "\\" in asset.path:
-            # Programs on Windows write names with backslashes.
-            name = asset.path.replace("\\", "/")
-            anchored = Sdf.ComputeAssetPathRelativeToLayer(layer, name) if layer else name
-            asset = Sdf.AssetPath(asset.path, str(Ar.GetResolver().Resolve(anchored)))
+        if not asset.resolvedPath and (file := self._searched(layer, asset.path)):
+            self._tell(asset.path, file)
+            asset = Sdf.AssetPath(asset.path, str(Ar.GetResolver().Resolve(file)))
         path = asset.resolvedPath or asset.path
         file = self._beside(layer, path)
         self.check(file, asset.path, layer, str(attribute.GetPrim().GetPath()))
@@ -222,7 +229,28 @@ class Files:
         if not path:
             path = Sdf.ComputeAssetPathRelativeToLayer(layer, name) if layer else name
         resolved = str(Ar.GetResolver().Resolve(path))
+        if not resolved and (file := self._searched(layer, name)):
+            resolved = str(Ar.GetResolver().Resolve(file))
+            self._tell(asset.path, file.replace(str(number), "<UDIM>"))
         return Sdf.AssetPath(name, resolved) if resolved else None
+
+    def _searched(self, layer: Any, name: str) -> str | None:
+        """The file that a name means which is not that of a file, beside the layer that names it or
+        beside the stage; none for names in packages.
+        """
+        beside = os.path.dirname(_file(layer.realPath)) if layer and layer.realPath else ""
+        if not name or Ar.IsPackageRelativePath(name) or "<UDIM>" in name:
+            return None
+        if os.path.lexists(os.path.join(beside or self.folder, name)):
+            return None
+        folders = list(dict.fromkeys(filter(None, (beside, self.folder))))
+        return search(folders, name, self.folder if self.confine else None)
+
+    def _tell(self, name: str, file: str) -> None:
+        """Adds a remark on a file that was found under another name. Backslashes are none."""
+        if not file.endswith("/" + name.replace("\\", "/").removeprefix("./")):
+            shown = os.path.relpath(os.path.realpath(file), self.folder)
+            self.found.append(f"{name!r} was found as {shown!r}")
 
     def _vetted(self, layer: Any, name: str, place: str = "") -> str:
         """The identifier of a layer that another layer names. Raises an error unless the layer is a

@@ -34,8 +34,8 @@ use saving::Saving;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
-    CompiledScene, Film, FilmTile, IntegratorKind, Job, Progress, Request, Settings, Statistics,
-    with_patience,
+    CompiledScene, Film, FilmTile, IntegratorKind, Job, Progress, Pulse, Request, Settings,
+    Statistics, with_patience,
 };
 use snell_scene::{Camera, Pose, Scene, Warning, WarningKind};
 use stage::{Shot, Stage};
@@ -248,7 +248,9 @@ impl Session<'_> {
             checkpoint: Checkpoint::new(options, &settings, target.path(), &self.receipt)?,
             preview: Preview::new(options, scene, self.tonemap),
         };
-        let (film, statistics) = with_patience(interrupt::is_requested, |cancel| {
+        let (pulse, limit) = (Pulse::default(), options.request.time);
+        let is_stopped = || interrupt::is_requested() || pulse.is_stuck(limit);
+        let (film, statistics) = with_patience(is_stopped, |cancel| {
             let mut job = Job::new(&compiled, &camera, &settings).with_cancel(cancel);
             if let Some(merged) = self.merged {
                 return (merged.film)(&job, self.number);
@@ -256,15 +258,17 @@ impl Session<'_> {
             if tev.is_some() {
                 job = job.watched(&watcher);
             }
-            render(&job, options, threads, &scene.name, &mut saving)
+            render(&job, options, threads, &scene.name, &pulse, &mut saving)
         })?;
         let render_seconds = start.elapsed().as_secs_f64();
         if let Some(tev) = tev {
             tev.finish(&film.tiles);
         }
-        let is_cut = interrupt::is_requested() && !statistics.is_complete;
+        let is_stuck = pulse.was_stuck() && film.least_samples() == 0;
+        let is_cut = (interrupt::is_requested() || is_stuck) && !statistics.is_complete;
         let has_holes = is_cut && film.least_samples() == 0;
         if is_cut
+            && !is_stuck
             && film.crop.size().iter().map(|&side| u64::from(side)).product::<u64>() > QUICKLY_SAVED
         {
             eprintln!("interrupted: saving what was rendered; a second signal discards it");
@@ -298,6 +302,7 @@ impl Session<'_> {
         };
         snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);
         layers::add_cryptomatte(&mut picture, &film, scene, &compiled);
+        let target_path = target.path().to_owned();
         let is_dropped = is_cut && (film.mean_samples() == 0.0 || options.has_frames());
         let mut fate = Fate::Nothing;
         if !is_dropped {
@@ -328,6 +333,20 @@ impl Session<'_> {
                 );
                 return Err(Failure::Other(problem));
             }
+        }
+        if is_stuck && !interrupt::is_requested() {
+            return Err(Failure::Scene(format!(
+                "{}: the time is over, and some rays meet so many things that the first pass would \
+                    not end; {}",
+                options.scene.display(),
+                match fate {
+                    Fate::Partial => format!(
+                        "{} holds what was rendered, with holes",
+                        rescue::partial(&target_path).display()
+                    ),
+                    _ => "no picture was written".into(),
+                }
+            )));
         }
         // The statistics come last, because the denoiser or the encoder may take the most memory.
         let (least_samples, statistics) = (film.least_samples(), summary.json());
@@ -422,12 +441,14 @@ fn render(
     options: &Options,
     threads: usize,
     name: &str,
+    pulse: &Pulse,
     saving: &mut Saving,
 ) -> Result<(Film, Statistics), Failure> {
     let reporter = Reporter::new(options.progress, options.quiet, name);
     let limit: Option<Duration> = options.request.time;
     let start = Instant::now();
     let keep_going = |progress: &Progress| {
+        pulse.beat();
         match &progress.training {
             Some(training) => reporter.update_training(training),
             None => reporter.update(progress, limit),

@@ -7,9 +7,10 @@ macro_rules! modules {
     };
 }
 /// The modules of the converter; the first is the package itself.
-const MODULES: [(&str, &str); 20] = modules![
+const MODULES: [(&str, &str); 21] = modules![
     "__init__",
     "_materialx",
+    "_search",
     "_files",
     "_motion",
     "_context",

@@ -245,10 +245,11 @@ pub(crate) fn test_object<G: Goal<Precision: TriangleTest>>(
         ObjectRef::Placed(Object::Shape { shape, geometry, shape_from_group }) => {
             test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
         }
-        ObjectRef::Placed(Object::Instance { .. }) if search.context.is_cancelled() => true,
+        ObjectRef::Placed(Object::Instance { .. }) if search.is_given_up() => true,
         ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
             mask & search.mask != 0
                 && child_from_group.ray_in_child(ray, search.time).is_some_and(|ray| {
+                    search.goal.count_instance();
                     child_from_group.report_entry(search);
                     let is_over = enter(*child, &ray, instance + offset, search);
                     search.goal.leave();

@@ -16,7 +16,7 @@ pub mod winding;
 
 use crate::hit::Hit;
 use crate::search::rays::{RayQuery, Rays};
-use crate::search::{Context, Grouping, HitFilter, TraversalCounters, TraversalWork};
+use crate::search::{AcceptAll, Context, Grouping, HitFilter, TraversalCounters, TraversalWork};
 use crate::world::World;
 use searcher::Searcher;
 
@@ -69,6 +69,12 @@ impl World {
         filter: &dyn HitFilter,
     ) -> (Hit, TraversalCounters) {
         self.searcher(filter).closest_counted(ray.into())
+    }
+
+    /// The number of instances that the search for the nearest hit of a ray enters, each counted as
+    /// often as it is entered. The search is given up when it has entered `most`.
+    pub fn instances_entered<'a>(&self, ray: impl Into<RayQuery<'a>>, most: u32) -> u32 {
+        self.searcher(&AcceptAll).instances_entered(ray.into(), most)
     }
 
     /// The nearest hit of each ray, and counters of the traversal for all rays together.

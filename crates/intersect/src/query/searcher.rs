@@ -107,6 +107,11 @@ macro_rules! searches {
 searches!(Single Double);
 
 impl Searcher<'_> {
+    pub fn instances_entered(&self, ray: RayQuery, most: u32) -> u32 {
+        let start = |ray: &_| Counted { most_instances: most, ..Counted::new(Closest::new(ray)) };
+        self.search(ray, start).counters.instances_entered
+    }
+
     pub fn closest_work(&self, rays: Rays, hits: &mut [Hit]) -> TraversalWork {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
         let mut work = TraversalWork::default();

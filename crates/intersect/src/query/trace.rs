@@ -12,6 +12,10 @@ use snell_math::DAffine3;
 /// The largest number of steps that are recorded. A good structure needs a few hundred per ray.
 const MAX_STEPS: usize = 10_000;
 
+/// The largest number of instances that are entered. Only rays through instances of instances that
+/// overlap enter so many, and some of those would enter more than anyone can wait for.
+const MAX_INSTANCES: u32 = 1 << 22;
+
 /// One node or cell that a search visited.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceStep {
@@ -43,7 +47,8 @@ pub struct TraversalTrace {
 
 impl World {
     /// Traces how the nearest hit of one ray is found. The hit equals the result of
-    /// [`World::closest_one`].
+    /// [`World::closest_one`], unless the ray enters more than four million instances: the search
+    /// is then given up.
     pub fn trace<'a>(
         &self,
         ray: impl Into<RayQuery<'a>>,
@@ -59,7 +64,7 @@ impl World {
             _ => None,
         };
         let start = |ray: &_| {
-            let goal = Counted::new(Closest::new(ray));
+            let goal = Counted { most_instances: MAX_INSTANCES, ..Counted::new(Closest::new(ray)) };
             let mut recorded = Recorded { goal, steps: Vec::new(), left_out: 0, maps: Vec::new() };
             if let Some(bounds) = &whole {
                 recorded.visit(true, || Region::of_box(bounds));
@@ -113,6 +118,14 @@ impl Goal for Recorded {
 
     fn count_visits(&mut self, nodes: u32, cells: u32) {
         self.goal.count_visits(nodes, cells);
+    }
+
+    fn count_instance(&mut self) {
+        self.goal.count_instance();
+    }
+
+    fn gives_up(&self) -> bool {
+        self.goal.gives_up()
     }
 
     fn visit(&mut self, is_leaf: bool, region: impl FnOnce() -> Region) {

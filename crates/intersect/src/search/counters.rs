@@ -9,6 +9,8 @@ pub struct TraversalCounters {
     pub primitives_tested: u32,
     /// Cells of grids, and leaves of trees that divide space, that the ray passed through.
     pub cells_stepped: u32,
+    /// Instances that the ray entered, each counted as often as it was entered.
+    pub instances_entered: u32,
 }
 
 /// Counters of the work for a batch of rays: sums of [`TraversalCounters`].
@@ -20,6 +22,8 @@ pub struct TraversalWork {
     pub primitives_tested: u64,
     /// The sum of [`TraversalCounters::cells_stepped`].
     pub cells_stepped: u64,
+    /// The sum of [`TraversalCounters::instances_entered`].
+    pub instances_entered: u64,
 }
 
 impl TraversalWork {
@@ -28,5 +32,6 @@ impl TraversalWork {
         self.nodes_visited += u64::from(ray.nodes_visited);
         self.primitives_tested += u64::from(ray.primitives_tested);
         self.cells_stepped += u64::from(ray.cells_stepped);
+        self.instances_entered += u64::from(ray.instances_entered);
     }
 }

@@ -62,6 +62,10 @@ pub(crate) trait Goal {
     #[inline(always)]
     fn count_visits(&mut self, _nodes: u32, _cells: u32) {}
 
+    /// Called for every instance that the search enters.
+    #[inline(always)]
+    fn count_instance(&mut self) {}
+
     /// Called for every region that the search enters, in the coordinates of the group.
     #[inline(always)]
     fn visit(&mut self, _is_leaf: bool, _region: impl FnOnce() -> Region) {}
@@ -69,6 +73,12 @@ pub(crate) trait Goal {
     /// Called when the search enters an instance, with the map from outside to inside.
     #[inline(always)]
     fn enter(&mut self, _child_from_group: &DAffine3) {}
+
+    /// True if the search should end without a result. Asked before every instance.
+    #[inline(always)]
+    fn gives_up(&self) -> bool {
+        false
+    }
 
     /// Called when the search leaves the instance entered last.
     #[inline(always)]
@@ -145,6 +155,12 @@ impl<'a, G: Goal> Search<'a, G> {
             context,
             goal,
         }
+    }
+
+    /// True if the search ends here, because the query was cancelled or the goal gives up.
+    #[inline(always)]
+    pub fn is_given_up(&self) -> bool {
+        self.context.is_cancelled() || self.goal.gives_up()
     }
 
     /// The start of the ray's interval.
@@ -307,11 +323,13 @@ pub(crate) struct Counted<G> {
     pub goal: G,
     /// The counters so far.
     pub counters: TraversalCounters,
+    /// The search is given up at the next instance once so many were entered.
+    pub most_instances: u32,
 }
 
 impl<G> Counted<G> {
     pub fn new(goal: G) -> Self {
-        Self { goal, counters: TraversalCounters::default() }
+        Self { goal, counters: TraversalCounters::default(), most_instances: u32::MAX }
     }
 }
 
@@ -341,6 +359,16 @@ impl<G: Goal> Goal for Counted<G> {
 
     fn count_primitives(&mut self, count: u32) {
         self.counters.primitives_tested = self.counters.primitives_tested.saturating_add(count);
+    }
+
+    #[inline(always)]
+    fn count_instance(&mut self) {
+        self.counters.instances_entered = self.counters.instances_entered.saturating_add(1);
+    }
+
+    #[inline(always)]
+    fn gives_up(&self) -> bool {
+        self.counters.instances_entered >= self.most_instances
     }
 
     fn count_visits(&mut self, nodes: u32, cells: u32) {

@@ -745,6 +745,12 @@ impl World {
         self.bounds
     }
 
+    /// The bounds of everything in a group, in its own coordinates. They may have infinite sides,
+    /// and are empty for an empty group.
+    pub fn group_bounds(&self, id: GroupId) -> Bounds3d {
+        self.inventory.exact[id.0 as usize]
+    }
+
     /// Statistics of the build.
     pub fn stats(&self) -> &BuildStats {
         &self.stats

@@ -31,7 +31,7 @@ pub(super) struct Inventory {
     /// A summary of each geometry.
     pub summaries: Vec<Summary>,
     /// The exact bounds of each group; see [`GroupBounds`].
-    exact: Vec<Bounds3d>,
+    pub exact: Vec<Bounds3d>,
     grown: Vec<Bounds3d>,
     covers: Vec<Cover>,
     /// The cost of each group's tree when the tree was last built.

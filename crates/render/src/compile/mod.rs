@@ -7,6 +7,7 @@
 //! moves becomes a group too, so that the frames of an animation share most structures.
 
 mod camera_filter;
+mod crowds;
 pub(crate) mod floor;
 mod lights;
 mod surfaces;
@@ -143,6 +144,7 @@ impl CompiledScene {
             None => builder.build(options)?,
         });
         world.warnings().into_iter().for_each(|message| Warning::note(&mut warnings, message, 1));
+        crowds::check(scene, &world, &surfaces, &mut warnings)?;
         let (textures, environment) = match previous {
             Some(previous) => {
                 (TextureSet::placed(previous.textures, &scene.textures), previous.environment)

@@ -19,7 +19,7 @@ mod underway;
 mod volumes;
 
 pub(crate) use journal::{Event, Journal, Shaded};
-pub use patience::with_patience;
+pub use patience::{Pulse, with_patience};
 pub use saved::{
     Fact, Header, MARK_BYTES, Origin, SavedError, TaskInput, fact, facts, may_be_checkpoint,
 };

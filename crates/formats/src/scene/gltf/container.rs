@@ -3,6 +3,7 @@
 
 use super::json::{Json, REPAIR};
 use super::meshopt::{self, Compression};
+use crate::mesh::text::decoded;
 use crate::{Input, Place, ReadError};
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -27,14 +28,16 @@ impl<'a> Container<'a> {
         if input.bytes.starts_with(GLB_MAGIC) {
             return open_glb(input);
         }
-        // The standard forbids a byte order mark, but some editors write one.
-        let text = input.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&input.bytes);
-        Ok(Self { json: parse_json(input, text)?, binary: None })
+        Ok(Self { json: parse_json(input, &input.bytes)?, binary: None })
     }
 }
 
 fn parse_json(input: &Input, text: &[u8]) -> Result<Value, ReadError> {
-    serde_json::from_slice(text).map_err(|e| {
+    // The standard forbids a byte order mark and UTF-16, but some editors and shells write them. It
+    // pads with blanks; some programs pad with zeros.
+    let text = decoded(text);
+    let end = text.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
+    serde_json::from_slice(&text[..end]).map_err(|e| {
         let message = e.to_string();
         let problem = message.split(" at line ").next().unwrap_or(&message);
         input.error(
@@ -99,9 +102,7 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     let Some(json) = json else {
         return Err(input.error(Place::Byte(12), "this binary glTF has no JSON chunk", REPAIR));
     };
-    // The standard pads with blanks; some programs pad with zeros.
-    let end = json.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
-    Ok(Container { json: parse_json(input, &json[..end])?, binary })
+    Ok(Container { json: parse_json(input, json)?, binary })
 }
 
 /// Splits a binary file of glTF 1.0 (`KHR_binary_glTF`): after the lengths of the file and of the
@@ -350,8 +351,16 @@ fn decode_data_uri(data: &str) -> Result<Vec<u8>, String> {
         .with_decode_padding_mode(DecodePaddingMode::Indifferent)
         .with_decode_allow_trailing_bits(true);
     let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, config);
-    let body: Cow<str> = if body.contains(|c: char| c.is_ascii_whitespace()) {
-        Cow::Owned(body.chars().filter(|c| !c.is_ascii_whitespace()).collect())
+    // Lines may be broken, and `-` and `_` are written for `+` and `/` in addresses.
+    let is_odd = |c: char| c.is_ascii_whitespace() || matches!(c, '-' | '_');
+    let body: Cow<str> = if body.contains(is_odd) {
+        let plain = body.chars().filter(|c| !c.is_ascii_whitespace());
+        let usual = |c| match c {
+            '-' => '+',
+            '_' => '/',
+            c => c,
+        };
+        Cow::Owned(plain.map(usual).collect())
     } else {
         Cow::Borrowed(body)
     };

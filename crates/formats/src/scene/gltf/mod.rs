@@ -125,6 +125,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         warnings.into_iter().for_each(|warning| scene.warn(warning));
     }
     none::remove(&mut json).into_iter().for_each(|warning| scene.warn(warning));
+    none::spell(&mut json).into_iter().for_each(|warning| scene.warn(warning));
     tree::untangle(input, &mut json)?.into_iter().for_each(|warning| scene.warn(warning));
     let root = Json::root(input, &json);
     check_version(&root, &mut scene)?;

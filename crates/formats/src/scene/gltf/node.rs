@@ -215,7 +215,10 @@ fn placement(node: &Json) -> Result<Placement, ReadError> {
         return Ok(from_parts(translation, rotation, scale));
     };
     let m = matrix.numbers::<16>()?;
-    if [m[3], m[7], m[11]].iter().any(|x| x.abs() > 1e-6) || (m[15] - 1.0).abs() > 1e-6 {
+    // A matrix of zeros hides what is in the node, as a scale of 0 does.
+    let is_zero = m.iter().all(|&x| x == 0.0);
+    let is_affine = [m[3], m[7], m[11], m[15] - 1.0].iter().all(|x| x.abs() <= 1e-6);
+    if !is_zero && !is_affine {
         return Err(matrix.error("the matrix is a projection; its last row must be 0 0 0 1"));
     }
     let column = |c: usize| DVec3::new(m[c], m[c + 1], m[c + 2]);

@@ -71,6 +71,11 @@ impl Builder<'_> {
             return Err(Fault::new(at, problem, "flatten the scene"));
         }
         self.open_files.push(path);
+        let is_same = |other: &Input| other.directory == input.directory;
+        if !is_same(self.main) && !self.included.iter().any(is_same) {
+            let folder = self.main.part(&self.main.name, Vec::new());
+            self.included.push(Input { directory: input.directory.clone(), ..folder });
+        }
         let file = self.files.len() as u32;
         self.files.push(input.name.clone());
         let depth = self.stack.depth();

@@ -83,6 +83,8 @@ struct Builder<'a> {
     files: Vec<String>,
     /// Paths of the files that are being read, the innermost last.
     open_files: Vec<PathBuf>,
+    /// The other folders of included files, each as a file without content.
+    included: Vec<Input>,
     directives: usize,
     notes: Notes,
     /// Everything that moves.
@@ -111,6 +113,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         is_v3: false,
         files: Vec::new(),
         open_files: Vec::new(),
+        included: Vec::new(),
         directives: 0,
         notes: Notes::default(),
         moving: motion::Moving::default(),
@@ -119,6 +122,16 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     match builder.read_scene() {
         Ok(()) => Ok(builder.scene),
         Err(fault) => Err(fault.into_error(&builder.files)),
+    }
+}
+
+/// The file from whose folder a name leads to a file: the main file, or else an included one whose
+/// folder has it. (pbrt does not look there, but other programs write such names.)
+fn home<'a>(main: &'a Input, included: &'a [Input], name: &str) -> &'a Input {
+    let is_home = |folder: &&Input| folder.has_file(name);
+    match main.has_file(name) {
+        true => main,
+        false => included.iter().rev().find(is_home).unwrap_or(main),
     }
 }
 
@@ -203,6 +216,11 @@ impl Builder<'_> {
         }
     }
 
+    /// The file from whose folder a name leads to a file.
+    fn home(&self, name: &str) -> &Input {
+        home(self.main, &self.included, name)
+    }
+
     /// Opens a file that the scene names in a parameter or directive at `at`.
     fn open(&mut self, name: &str, at: Spot) -> Result<Input, Fault> {
         let limit = self.main.options.limits.files;
@@ -213,7 +231,7 @@ impl Builder<'_> {
                 "split it",
             ));
         }
-        self.main.open_relative(name).map_err(|error| {
+        self.home(name).open_relative(name).map_err(|error| {
             // The error is either about the main file, which refers to the outside, or about the
             // other one, which cannot be opened.
             let is_own = error.file == self.main.name;

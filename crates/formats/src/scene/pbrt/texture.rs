@@ -436,7 +436,8 @@ impl Builder<'_> {
 
     /// The id of an image, which is read only once.
     pub(super) fn image(&mut self, name: &str) -> ImageId {
-        self.images.image(&mut self.scene, self.main, name)
+        let home = super::home(self.main, &self.included, name);
+        self.images.image(&mut self.scene, home, name)
     }
 
     /// A parameter that may be a texture, a number or a colour.

@@ -355,11 +355,15 @@ impl<'a, L: Lanes8> Place<'a, L> {
             if mask & search.mask == 0 {
                 return false;
             }
+            if search.is_given_up() {
+                return true;
+            }
             let ray = group::mapped(map, ray);
             let mut prepared = PreparedRay::UNSET;
             if forest.trees[*child].unbounded.is_empty()
                 && G::Precision::prepare::<L>(search.context.data, *child, &mut prepared, &ray)
             {
+                search.goal.count_instance();
                 search.goal.enter(map);
                 let below = Place::<L>::new(token, forest, *child, &ray, instance + offset);
                 let is_over = below.enter_prepared(&prepared, search, stack);

@@ -2,10 +2,11 @@ use super::*;
 use crate::InsideMethod;
 use crate::hit::Hit;
 use crate::search::AcceptAll;
-use crate::world::BuildOptions;
+use crate::shape::Sphere;
 use crate::world::double::DWorldBuilder;
 use crate::world::tests::{Random, default_world, double_sphere, nested_scene};
-use snell_math::{DRay, DVec3, Ray, Vec3};
+use crate::world::{BuildOptions, WorldBuilder};
+use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
 
 /// Compares the results of different pieces and numbers of threads with those of the world's own
@@ -121,4 +122,42 @@ fn a_flag_stops_a_query_before_its_end() {
     let parallel = world.parallel().with_cancel(&flag);
     assert_eq!(parallel.count(&rays, &Stop(&flag), &mut counts), Err(Cancelled));
     assert!(counts.contains(&u32::MAX));
+}
+
+#[test]
+fn a_flag_stops_a_ray_through_more_instances_than_it_could_ever_enter() {
+    // A ball placed twice at nearly the same place, 30 times: a billion balls on each ray.
+    let mut builder = WorldBuilder::default();
+    let mut below = builder.add_group();
+    builder.add_shape(below, Arc::new(Sphere { radius: 1.0 }), Transform::IDENTITY);
+    for level in 1..=30 {
+        let pair = if level == 30 { WorldBuilder::ROOT } else { builder.add_group() };
+        for x in [-1e-9, 1e-9] {
+            builder.add_instance(pair, below, Transform::translation(DVec3::new(x, 0.0, 0.0)));
+        }
+        below = pair;
+    }
+    let world = default_world(builder);
+    // Through a corner of the box, past the ball.
+    let ray = Ray::new(Vec3::new(0.9, 0.9, -5.0), Vec3::Z);
+    assert_eq!(world.instances_entered(&ray, 1000), 1000);
+    let start = std::time::Instant::now();
+    for count in [1, 2, 1000] {
+        let (flag, rays) = (AtomicBool::new(false), vec![ray; count]);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                std::thread::sleep(std::time::Duration::from_millis(50));
+                flag.store(true, Ordering::Relaxed);
+            });
+            let parallel = world.parallel().with_cancel(&flag);
+            let (mut hits, mut blocked) = (vec![Hit::MISS; count], vec![false; count]);
+            let mut counts = vec![0; count];
+            for grouping in [Grouping::None, Grouping::Coherent] {
+                assert!(parallel.closest(&rays, grouping, &AcceptAll, &mut hits).is_err());
+                assert!(parallel.occluded(&rays, grouping, &AcceptAll, &mut blocked).is_err());
+            }
+            assert!(parallel.count(&rays, &AcceptAll, &mut counts).is_err());
+        });
+    }
+    assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());
 }

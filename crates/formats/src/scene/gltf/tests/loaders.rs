@@ -395,6 +395,24 @@ fn a_stride_of_zero_is_none_and_zeros_may_pad_the_json() {
 }
 
 #[test]
+fn documents_may_be_utf_16_and_values_written_in_other_ways() {
+    let material = r#""materials": [{"doubleSided": 1, "alphaMode": "blend"}],
+        "nodes": [{"mesh": 0}, {"mesh": 0, "matrix": [0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0]}],"#;
+    let json = triangle("", material, 0);
+    let units = json.encode_utf16().flat_map(u16::to_le_bytes);
+    let utf16: Vec<u8> = [0xff, 0xfe].into_iter().chain(units).collect();
+    let padded = [json.as_bytes(), &[0; 3]].concat();
+    for bytes in [json.into_bytes(), utf16, padded] {
+        let read = crate::read_scene_bytes("a.gltf", bytes, Path::new("."), &Default::default());
+        let scene = read.unwrap_or_else(|e| panic!("{e}"));
+        assert!(scene.materials[0].double_sided);
+        let said: Vec<_> = scene.warnings.iter().map(|w| &*w.message).collect();
+        assert!(said.iter().any(|w| w.contains("alphaMode is \"blend\"")), "{said:?}");
+        assert!(said.iter().any(|w| w.contains("doubleSided is 1")), "{said:?}");
+    }
+}
+
+#[test]
 fn an_angle_of_view_may_be_in_degrees() {
     let camera = |angle: &str| {
         let perspective = format!(r#"{{"yfov": {angle}, "znear": 0.1}}"#);

@@ -69,8 +69,10 @@ impl Builder<'_> {
             return Err(params.fault("there is no file name", "add \"string filename\""));
         };
         self.note_common(params);
-        let path =
-            self.main.resolve(name).map_err(|error| Fault::new(at, error.problem, error.remedy))?;
+        let path = self
+            .home(name)
+            .resolve(name)
+            .map_err(|error| Fault::new(at, error.problem, error.remedy))?;
         let key = (identity(&path), self.is_reversed());
         if let Some((mesh, origin, lamps)) = self.shapes.files.get(&key) {
             return Ok(Made::Mesh(mesh.clone(), *origin, lamps.clone()));

@@ -68,6 +68,39 @@ fn packed(bytes: &[u8]) -> Vec<u8> {
 }
 
 #[test]
+fn names_in_included_files_may_be_relative_to_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::create_dir(folder.path().join("parts")).expect("made");
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    };
+    write("parts/ball.pbrt", "Shape \"sphere\"");
+    write("parts/red.ppm", "P3 1 1 255 255 0 0");
+    write("ball.pbrt", "Shape \"disk\"");
+    let picture = "Texture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"red.ppm\" \
+        Material \"diffuse\" \"texture reflectance\" \"t\"";
+    for confine in [false, true] {
+        let options = ReadOptions { confine, ..ReadOptions::default() };
+        let read = || {
+            write("a.pbrt", "WorldBegin Include \"parts/all.pbrt\"");
+            read_scene(&folder.path().join("a.pbrt"), &options).unwrap_or_else(|e| panic!("{e}"))
+        };
+        // The folder of the main file comes first, as in pbrt.
+        write("parts/all.pbrt", &format!("{picture} Include \"ball.pbrt\""));
+        let scene = read();
+        assert!(scene.warnings.iter().all(|w| !w.message.contains("red.ppm")));
+        let shape = |scene: &snell_scene::Scene| {
+            let of = |node: &snell_scene::Node| format!("{:?}", node.surfaces);
+            scene.nodes.iter().map(of).collect::<String>().to_lowercase()
+        };
+        assert!(!shape(&scene).contains("sphere"));
+        std::fs::rename(folder.path().join("ball.pbrt"), folder.path().join("other")).expect("ok");
+        assert!(shape(&read()).contains("sphere"));
+        std::fs::rename(folder.path().join("other"), folder.path().join("ball.pbrt")).expect("ok");
+    }
+}
+
+#[test]
 fn included_and_compressed_files_are_parts_of_the_scene() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, bytes: &[u8]| {

@@ -255,6 +255,9 @@ impl<G: Goal> Slot<'_, G> {
         place.see(tree);
         (place.origin, place.direction) = (ray.origin, ray.direction);
         (place.group, place.instance) = (*child as u32, place.instance + offset);
+        if let Some(search) = &mut self.search {
+            search.goal.count_instance();
+        }
         Some(tree.root)
     }
 
