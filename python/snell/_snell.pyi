@@ -38,6 +38,8 @@ __all__ = [
     "_collides",
     "_compare",
     "_explain",
+    "_irradiance",
+    "_load_points",
     "_load_stage",
     "_render_settings",
     "_restore",
@@ -78,6 +80,16 @@ _Floats = NDArray[np.float32] | NDArray[np.float64]
 def load(
     path: str | PathLike[str], *, threads: int | None = None, confine: bool = False
 ) -> Scene: ...
+def _irradiance(
+    scene: Scene,
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    texels: list[tuple[int, int]],
+    options: dict[str, Any],
+) -> NDArray[np.float32]: ...
+def _load_points(
+    path: str | PathLike[str],
+) -> tuple[list[tuple[str, NDArray[Any]]], tuple[int, int]]: ...
 def _load_stage(name: str, text: str) -> Scene: ...
 def _compare(reference: Any, test: Any) -> tuple[dict[str, Any], NDArray[np.float32]]: ...
 def _restore_image(
@@ -109,6 +121,8 @@ def _closest_pair(
     NDArray[np.uint32],
     NDArray[np.uint32],
     NDArray[np.uint32],
+    NDArray[np.uint32],
+    NDArray[np.str_],
 ]: ...
 def _collides(
     a: Scene,
@@ -154,10 +168,8 @@ def _restore_pattern(
     arrays: dict[str, NDArray[Any]],
 ) -> Pattern: ...
 def _restore(
-    slots: list[dict[str, Any] | None],
-    stage: bytes,
-    warnings: list[tuple[str, int]],
-    compact: bool = False,
+    scenes: list[tuple[list[dict[str, Any] | None], int, bool]],
+    stages: list[tuple[bytes, list[tuple[str, int]]]],
 ) -> Scene: ...
 
 @final
@@ -188,6 +200,7 @@ class Scene:
         colors: _Array | None = None,
         material: Material | list[Material] | None = None,
         material_ids: _Array | None = None,
+        times: _Array | None = None,
     ) -> int: ...
     def add_shape(
         self,
@@ -197,6 +210,7 @@ class Scene:
         *,
         mask: int | None = None,
         material: Material | None = None,
+        times: _Array | None = None,
         **parameters: Any,
     ) -> int: ...
     def add_curves(
@@ -210,6 +224,7 @@ class Scene:
         *,
         mask: int | None = None,
         material: Material | None = None,
+        times: _Array | None = None,
     ) -> int: ...
     def add_spheres(
         self,
@@ -220,6 +235,7 @@ class Scene:
         *,
         mask: int | None = None,
         material: Material | None = None,
+        times: _Array | None = None,
     ) -> int: ...
     def add_heightfield(
         self,
@@ -228,6 +244,7 @@ class Scene:
         name: str | None = None,
         *,
         smooth: bool = False,
+        edges: Literal["open", "closed"] = "open",
         mask: int | None = None,
         material: Material | None = None,
     ) -> int: ...
@@ -617,6 +634,21 @@ class Camera:
     def kind(self) -> str: ...
     @property
     def parameters(self) -> dict[str, Any]: ...
+    def replace(
+        self,
+        *,
+        eye: _Array | None = None,
+        target: _Array | None = None,
+        towards: _Array | None = None,
+        up: _Array | None = None,
+        fov: float | None = None,
+        aperture_radius: float | None = None,
+        focus_distance: float | None = None,
+        resolution: Sequence[int] | None = None,
+        name: str | None = None,
+        **parameters: Any,
+    ) -> Camera: ...
+    def __replace__(self, **changes: Any) -> Camera: ...
     def rays(
         self,
         width_px: int | None = None,

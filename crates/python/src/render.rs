@@ -174,8 +174,8 @@ impl _Render {
     }
 
     /// Continues until every pixel has this number of samples (all if left out), or for this number
-    /// of seconds. `report` is called with the share done and the number of rays so far; it stops
-    /// the render by returning False.
+    /// of seconds. `report` is called with the share done and the number of rays so far, ten times
+    /// a second and at the end; it stops the render by returning False.
     #[pyo3(signature = (samples=None, time=None, report=None))]
     fn render(
         &self,
@@ -214,6 +214,12 @@ impl _Render {
         }
         waited?;
         let Rendered { partial, picture, variance } = job.take()?.map_err(denoise_error)?;
+        if let Some(report) = report.filter(|_| watch.cancel.check().is_ok()) {
+            // Short renders would not report anything otherwise.
+            let progress = *watch.progress.lock().unwrap_or_else(PoisonError::into_inner);
+            let share = if partial.is_done { 1.0 } else { share(&progress, start.elapsed(), time) };
+            report.call1(py, (share, progress.rays))?;
+        }
         let facts = facts(py, &self.plan, &partial)?;
         for (key, value) in &picture.metadata {
             facts.bind(py).set_item(key, value)?;

@@ -10,7 +10,7 @@ use crate::graph::{Purpose, graph};
 use crate::light::Light;
 use crate::material::Material;
 use crate::medium::Medium as PyMedium;
-use crate::names::suggestion;
+use crate::names::{Name, suggestion};
 use crate::scene::Scene;
 use crate::schema::References;
 use crate::texture::{AnyTexture, Pattern, Texture};
@@ -189,9 +189,9 @@ impl Scene {
     }
 
     #[setter]
-    fn set_name(&self, py: Python<'_>, name: String) -> PyResult<()> {
+    fn set_name(&self, py: Python<'_>, name: Name) -> PyResult<()> {
         self.0.edit(py, |contents| {
-            contents.stage_mut().name = name;
+            contents.stage_mut().name = name.0;
             Ok(())
         })
     }
