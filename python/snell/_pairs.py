@@ -106,11 +106,11 @@ def closest_pair(
     >>> snell.closest_pair(cup, table, transform_a=poses).distance.tolist()
     [0.5, 0.25, 0.0]
     """
-    distance, *rest = _snell._closest_pair(
+    distance, points, geometries, primitives, instances, paths, names = _snell._closest_pair(
         a, b, transform_a, transform_b, max_distance, threads
     )
     alone = distance if distance.ndim else float(distance)
-    return ClosestPair(alone, *rest)
+    return ClosestPair(alone, points, geometries, primitives, instances, paths, names)
 
 
 def collides(

@@ -76,7 +76,9 @@ def test_irradiance_is_that_of_lights_and_bounces():
     room = snell.Scene()
     glowing = snell.Material("diffuse", reflectance=0.5, emission=1, double_sided=True)
     room.add_shape("sphere", radius=50, material=glowing)
-    inside = room.add_mesh(CORNERS, FACES, uvs=UVS, material=snell.Material("diffuse", reflectance=0))
+    inside = room.add_mesh(
+        CORNERS, FACES, uvs=UVS, material=snell.Material("diffuse", reflectance=0)
+    )
     light = snell.bake(room, inside, 2).irradiance(samples=256, max_depth=30)
     assert np.allclose(light, 2 * np.pi, rtol=0.1), light
     again = snell.bake(room, inside, 2).irradiance(samples=256, max_depth=30, threads=1)

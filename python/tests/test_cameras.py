@@ -140,12 +140,12 @@ def test_matrices_that_are_no_poses_are_refused():
         (stretched, r"lengths 1, 1 and 2, expected 1"),
         (half, "expected 1; divide the scale out"),
         (np.diag([1.0, 1, -1, 1]), "mirrors"),
-        (np.diag([1.0, 1, 0, 1]), "(?i)pose"),
+        (np.diag([1.0, 1, 0, 1]), "lengths 1, 1 and 0"),
     ]:
         for name in ("T_world_cam", "T_cam_world"):
             with pytest.raises(ValueError, match=message):
                 snell.Camera.from_opencv(K, size=SIZE, **{name: pose})
-    with pytest.raises(ValueError, match="T_world_cam: .*not perpendicular"):
+    with pytest.raises(ValueError, match=r"T_world_cam: .*not perpendicular"):
         snell.Camera.from_matrix(sheared, "opengl")
     # The scale of an object of Blender, and rounded numbers of a file, are no fault.
     assert snell.Camera.from_matrix(half, "blender").eye == (0, 0, 0)
@@ -156,7 +156,7 @@ def test_matrices_that_are_no_poses_are_refused():
 
 
 def test_matrices_of_other_units_than_pixels_are_refused_or_warned_about():
-    with pytest.raises(ValueError, match="fx is -800 .*expected positive"):
+    with pytest.raises(ValueError, match=r"fx is -800 .*expected positive"):
         snell.Camera.from_opencv(K * [[-1, 1, 1]] * [[1], [1], [1]], size=SIZE)
     with pytest.warns(UserWarning, match="multiply the first row by the width"):
         snell.Camera.from_opencv([[1.25, 0, 0.5], [0, 1.6, 0.5], [0, 0, 1]], size=SIZE)

@@ -329,7 +329,9 @@ def test_a_closed_border_is_hit_at_its_own_nodes(rng, dtype, turn) -> None:
     rows, columns = 9, 12
     z = rng.integers(0, 8, (rows, columns)).astype(float)
     z[3, 4] = z[6, 11] = np.nan
-    affine = np.array([[[2, 0, far[0]], [0, -4, far[1]]], [[0, 4, far[0]], [2, 0, far[1]]]][turn], float)
+    affine = np.array(
+        [[[2, 0, far[0]], [0, -4, far[1]]], [[0, 4, far[0]], [2, 0, far[1]]]][turn], float
+    )
     row, column = np.mgrid[:rows, :columns]
     nodes = np.stack([column + 0.5, row + 0.5, np.ones_like(row)], axis=-1) @ affine.T
     is_there = ~np.isnan(z)

@@ -284,7 +284,9 @@ def test_a_file_moves_for_queries_as_the_scene_that_was_saved(rng, tmp_path):
             ours, theirs = loaded.at(time), scene.at(time)
             assert np.allclose(ours.bounds, theirs.bounds, atol=1e-6)
         again = pickle.loads(pickle.dumps(loaded))
-        assert np.allclose(again.cast_rays(rays, times=2).t_hit, loaded.cast_rays(rays, times=2).t_hit)
+        assert np.allclose(
+            again.cast_rays(rays, times=2).t_hit, loaded.cast_rays(rays, times=2).t_hit
+        )
     for name in ("far", "box", "car"):
         ours, theirs = loaded.motion(loaded[name]), scene.motion(scene[name])
         assert np.allclose(ours[0], theirs[0], atol=1e-12) and (ours[1] == theirs[1]).all()
@@ -312,7 +314,10 @@ def test_layers_of_ids_of_a_moving_file_are_those_of_queries(rng, tmp_path):
     hits = loaded.cast_rays(loaded.cameras[0].rays(60, 60))
     seen = hits.is_hit & (picture.aovs["geometry-id"] >= 0)
     assert seen.sum() > 100
-    ids = [np.where(ids == snell.INVALID_ID, -1, ids.astype(int)) for ids in (hits.geometry_ids, hits.instance_ids)]
+    ids = [
+        np.where(ids == snell.INVALID_ID, -1, ids.astype(int))
+        for ids in (hits.geometry_ids, hits.instance_ids)
+    ]
     for layer, wanted in zip(aovs, ids, strict=True):
         assert (picture.aovs[layer][seen] == wanted[seen]).mean() > 0.97, layer
 
@@ -350,7 +355,10 @@ def test_bad_arguments_change_nothing():
         (lambda: scene.update_transform(0, good, times=[0, np.inf, 1]), r"times\[1\] is inf"),
         (lambda: scene.update_transform(0, good[:0], times=[]), "there are no keys"),
         (lambda: scene.update_transform(0, np.eye(4), times=[0]), r"expected \(k, 4, 4\)"),
-        (lambda: scene.update_transform(0, mirrored, times=[0, 1, 2]), "keys 0 and 1 the map is singular"),
+        (
+            lambda: scene.update_transform(0, mirrored, times=[0, 1, 2]),
+            "keys 0 and 1 the map is singular",
+        ),
         (lambda: scene.cast_rays([0, 0, 0, 0, 0, 1], times=np.nan), "times is nan"),
         (
             lambda: scene.cast_rays(np.ones((2, 3, 6)), times=[[0, 0, 0], [0, np.nan, 0]]),
