@@ -63,7 +63,6 @@ def test_irradiance_is_that_of_lights_and_bounces():
     grey = snell.Material("diffuse", reflectance=0.1)
     floor = scene.add_mesh(CORNERS, FACES, uvs=UVS, material=grey)
     baked = snell.bake(scene, floor, 8)
-    lamp = np.array([0.3, 2.0, 0.2]) if abs(baked.normals[0, 1]) > 0.5 else np.array([0.3, 0.2, 2])
     lamp = baked.points.mean(axis=0) + 2 * baked.normals[0] + [0.1, 0.1, 0.1]
     scene.add_light(snell.Light("point", position=tuple(lamp), intensity=(8, 4, 2)))
     way = lamp - baked.points
@@ -72,17 +71,19 @@ def test_irradiance_is_that_of_lights_and_bounces():
     found = snell.bake(scene, floor, 8).irradiance(samples=2)
     assert found.dtype == np.float32 and found.shape == (len(expected), 3)
     assert np.allclose(found, expected[:, None] * [8, 4, 2], rtol=1e-3)
-    # Nothing arrives at what is covered; in a white room it is as bright as its walls make it.
+    # A furnace: walls that shine 1 and reflect a half are seen to shine 2.
     room = snell.Scene()
-    glowing = snell.Material("diffuse", reflectance=0.5, emission=1, double_sided=True)
-    room.add_shape("sphere", radius=50, material=glowing)
-    inside = room.add_mesh(
-        CORNERS, FACES, uvs=UVS, material=snell.Material("diffuse", reflectance=0)
-    )
+    corners = np.array([[x, y, z] for x in (-9, 9) for y in (-9, 9) for z in (-9, 9.0)])
+    inwards = [[0, 3, 1], [0, 2, 3], [4, 7, 6], [4, 5, 7], [0, 5, 4], [0, 1, 5]]
+    inwards += [[2, 7, 3], [2, 6, 7], [0, 6, 2], [0, 4, 6], [1, 7, 5], [1, 3, 7]]
+    glowing = snell.Material("diffuse", reflectance=0.5, emission=1)
+    room.add_mesh(corners, inwards, material=glowing)
+    inside = room.add_mesh(CORNERS * 0.1, FACES, uvs=UVS)
     light = snell.bake(room, inside, 2).irradiance(samples=256, max_depth=30)
     assert np.allclose(light, 2 * np.pi, rtol=0.1), light
     again = snell.bake(room, inside, 2).irradiance(samples=256, max_depth=30, threads=1)
     assert (again == light).all()
+    assert np.allclose(snell.bake(room, inside, 2).irradiance(max_depth=0), np.pi, rtol=0.1)
     far = snell.Scene()
     there = np.asarray(CORNERS) + [448262, 5411932, 119]
     far_floor = far.add_mesh(there, FACES, uvs=UVS)

@@ -346,5 +346,5 @@ def test_files_that_are_no_clouds_are_refused(tmp_path):
     with pytest.raises(ValueError, match="no x, y and z"):
         snell.load_points(path)
     path.write_bytes(HEADER.format(rows=1, count=6, data="binary").encode() + bytes(7))
-    with pytest.raises(ValueError, match=r"scan\.xyz.*7 bytes of points, expected 258"):
+    with pytest.raises(ValueError, match=r"scan\.xyz.*7 bytes of points, expected 246"):
         snell.load_points(path)

@@ -251,7 +251,7 @@ def animated(rng):
     scene.add_shape("box", turning, "box", times=[1, 2, 3], min=[-2, -0.2, -0.2], max=[2, 0.2, 0.2])
     wheel.add_shape("cylinder", placed(0, 0.2), radius=0.5, height=0.3)
     wheel.add_shape("sphere", placed(0, 0, 0.9), radius=0.3)
-    spin = np.stack([placed(angle=angle) for angle in (0, 120, 240, 360)])
+    spin = np.stack([placed(turn=angle) for angle in (0, 120, 240, 360)])
     for x in (-1, 1):
         moved = placed(x) @ spin
         car.add_instance(wheel, moved, f"wheel {x}", times=[0, 1, 2, 3])

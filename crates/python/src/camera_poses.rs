@@ -6,7 +6,7 @@ use crate::names::Name;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use snell_math::{DMat3, DMat4, DVec3};
+use snell_math::{DMat3, DMat4, DVec3, DVec4};
 use snell_scene::Projection;
 use snell_scene::camera::{CameraAxes, Intrinsics};
 
@@ -73,6 +73,11 @@ const RIGID: f64 = 1e-3;
 /// Fails if the axes of a pose are not perpendicular, or, if the pose must not scale, not of length
 /// 1: then it is something else, or its numbers are wrong.
 fn check_pose(pose: DMat4, may_scale: bool, name: &str) -> PyResult<DMat4> {
+    let is_affine = pose.row(3) == DVec4::W;
+    if !is_affine {
+        // The camera itself refuses it.
+        return Ok(pose);
+    }
     let axes = [0, 1, 2].map(|i| pose.col(i).truncate());
     let lengths = axes.map(DVec3::length);
     let is_sheared = [(0, 1), (1, 2), (2, 0)]

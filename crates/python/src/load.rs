@@ -311,18 +311,24 @@ impl<'a> Folder<'a> {
             }
             _ => None,
         };
+        let name = &self.scene.nodes[id.index()].name;
+        // Two names need two objects.
+        let is_one = |own: &Option<Arc<str>>| own.as_deref().is_none_or(|own| own == name.as_str());
+        let alone = alone.filter(|object| name.is_empty() || is_one(&object.name));
         // Between keys, only maps that keep angles may be composed with keys.
         let composed = motion.below(placed);
         if let (Some(object), Some(moved), true) = (alone, &composed, self.apart.contains_key(&id))
         {
             let mut object = object.clone();
+            if !name.is_empty() {
+                object.name = Some(name.as_str().into());
+            }
             for slot in &mut object.materials {
                 *slot = slot.or(material);
             }
             object.put(moved.clone().into());
             return (object, true);
         }
-        let name = &self.scene.nodes[id.index()].name;
         let named = |kind, transform| Object {
             materials: vec![material],
             ..Object::new(kind, transform, (!name.is_empty()).then(|| name.clone()))

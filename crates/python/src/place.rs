@@ -6,6 +6,7 @@ use crate::objects::check_finite;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyString;
 use snell_math::{DMat4, Transform};
 use std::sync::Arc;
 
@@ -29,6 +30,7 @@ pub fn place(
             Some(_) => Err(PyTypeError::new_err("times are given, but no transform")),
         };
     };
+    refuse_text(value, "transform")?;
     let matrices = array(value, "transform")?;
     if matrices.shape().len() != 3 {
         if times.is_some() {
@@ -50,6 +52,17 @@ pub fn place(
     let maps = transforms(&matrices, "transform")?;
     let times = key_times(times, maps.len())?;
     moving(times, maps)
+}
+
+/// Fails for a text, which was meant as a name.
+fn refuse_text(value: &Bound<'_, PyAny>, name: &str) -> PyResult<()> {
+    if !value.is_instance_of::<PyString>() {
+        return Ok(());
+    }
+    let found = crate::settings::shown(value);
+    Err(PyTypeError::new_err(format!(
+        "{name} is {found}, expected a matrix (4, 4); give a name as name={found}"
+    )))
 }
 
 /// Places of many objects: transforms `(n, 4, 4)`, or `(n, k, 4, 4)` at times `(k,)`.

@@ -20,7 +20,9 @@ use pyo3::exceptions::{PyAttributeError, PyIndexError, PyTypeError, PyValueError
 use pyo3::prelude::*;
 use pyo3::types::PyList;
 use snell_formats::WriteError;
+use snell_math::Rgb;
 use snell_scene::graph::{ImageId, MediumId};
+use snell_scene::material::Diffuse;
 use snell_scene::medium::Medium;
 use snell_scene::{MaterialId, Scene as Graph, TextureId};
 use std::collections::HashSet;
@@ -73,6 +75,14 @@ pub fn add_material(contents: &mut Contents, material: &Material) -> PyResult<Ma
     let wanted = on_stage(stage, &material.0)?;
     let known = stage.materials.iter().position(|known| *known == wanted);
     Ok(known.map_or_else(|| stage.add_material(wanted), |at| MaterialId(at as u32)))
+}
+
+/// The id of a white matte material on a stage, with which colours of vertices are shown as they are.
+pub fn add_white(contents: &mut Contents) -> MaterialId {
+    let stage = contents.stage_mut();
+    let wanted = snell_scene::Material::new("", Diffuse::new(Rgb::WHITE));
+    let known = stage.materials.iter().position(|known| *known == wanted);
+    known.map_or_else(|| stage.add_material(wanted), |at| MaterialId(at as u32))
 }
 
 /// Material ids by slot, from one material or a list of them.

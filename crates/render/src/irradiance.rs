@@ -163,8 +163,10 @@ mod tests {
         let glowing =
             Material::new("wall", Diffuse::new(Rgb::splat(0.5))).emitting(Rgb::splat(1.0));
         let glowing = scene.add_material(Material { double_sided: true, ..glowing });
+        // Surfaces shine outwards; turned inside out, the ball shines at its inside.
+        let transform = DAffine3::from_scale(DVec3::splat(-1.0));
         let surfaces = vec![Surface::shape(Sphere { radius: 2.0 }, glowing)];
-        scene.add_child(scene.root, Node { surfaces, ..Node::default() });
+        scene.add_child(scene.root, Node { transform, surfaces, ..Node::default() });
         let place = Vec3::new(0.0, 0.0, -2.0);
         // 1 + 1/2 + 1/4 ... of what the walls shine.
         is_near(at(&scene, place, &settings(1024, 40)), 2.0 * PI, 0.03);

@@ -13,7 +13,7 @@ use crate::contents::{Contents, Kind, Object};
 use crate::names::Name;
 use crate::objects;
 use crate::place::{Place, place};
-use crate::stage::{add_materials, warn_without_uvs};
+use crate::stage::{add_materials, add_white, warn_without_uvs};
 use crate::state::Shared;
 use crate::work::run_to_end;
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -70,7 +70,10 @@ impl Scene {
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         self.0.edit(py, |contents| {
-            let materials = add_materials(contents, material)?;
+            let mut materials = add_materials(contents, material)?;
+            if materials.is_empty() && has_colors(&kind) {
+                materials.push(Some(add_white(contents)));
+            }
             let object = Object {
                 motion,
                 mask,
@@ -81,6 +84,11 @@ impl Scene {
             contents.add(object)
         })
     }
+}
+
+/// True for a mesh whose vertices have colours.
+fn has_colors(kind: &Kind) -> bool {
+    matches!(kind, Kind::Mesh(mesh) if !mesh.attributes().colors.is_empty())
 }
 
 #[pymethods]
@@ -117,7 +125,7 @@ impl Scene {
     ///     Colours at the vertices, which the material's colour is multiplied by: floats are
     ///     linear, from 0 to 1; uint8 and uint16 are sRGB.
     /// material : Material or list of Material, optional
-    ///     For rendering; grey if left out. For a list, `material_ids` selects the material of each
+    ///     For rendering; if left out, white for a mesh with colours, otherwise grey. For a list, `material_ids` selects the material of each
     ///     face.
     /// material_ids : array (m,) of integers, optional
     ///     Index in the list for each face; the first material if left out.
