@@ -269,7 +269,9 @@ def test_a_file_moves_for_queries_as_the_scene_that_was_saved(rng, tmp_path):
         warnings.simplefilter("error")
         loaded = snell.load(tmp_path / "all.snell")
         origins = rng.uniform(-12, 12, (4000, 3))
-        rays = np.concatenate([origins, rng.normal(size=(4000, 3))], axis=1)
+        rows = np.array([[0, 0, 0], [0, 4, 0], [0, -4, 0], [0, 9, 0.5], [0, -12, 0.5]])
+        targets = rows[np.arange(4000) % 5] + rng.uniform(-1, 1, (4000, 3)) * [3, 0.6, 0.4]
+        rays = np.concatenate([origins, targets - origins], axis=1)
         for times in (None, rng.uniform(-2, 6, 4000)):
             expected = scene.cast_rays(rays, times=times)
             found = loaded.cast_rays(rays, times=times)
@@ -306,12 +308,12 @@ def test_a_file_moves_for_queries_as_the_scene_that_was_saved(rng, tmp_path):
 
 def test_layers_of_ids_of_a_moving_file_are_those_of_queries(rng, tmp_path):
     scene = animated(rng)
-    scene.add_camera(snell.Camera(eye=(0, 0, 40), target=(0, 0, 0), fov=50))
+    scene.add_camera(snell.Camera(eye=(0, 0, 30), target=(0, 0, 0), fov=50))
     scene.save(tmp_path / "all.snell")
     loaded = snell.load(tmp_path / "all.snell")
     aovs = ["geometry-id", "instance-id"]
-    picture = snell.render(loaded, "flat", spp=1, size=(60, 60), aovs=aovs, progress=False)
-    hits = loaded.cast_rays(loaded.cameras[0].rays(60, 60))
+    picture = snell.render(loaded, "flat", spp=1, size=(180, 180), aovs=aovs, progress=False)
+    hits = loaded.cast_rays(loaded.cameras[0].rays(180, 180))
     seen = hits.is_hit & (picture.aovs["geometry-id"] >= 0)
     assert seen.sum() > 100
     ids = [
@@ -319,7 +321,7 @@ def test_layers_of_ids_of_a_moving_file_are_those_of_queries(rng, tmp_path):
         for ids in (hits.geometry_ids, hits.instance_ids)
     ]
     for layer, wanted in zip(aovs, ids, strict=True):
-        assert (picture.aovs[layer][seen] == wanted[seen]).mean() > 0.97, layer
+        assert (picture.aovs[layer][seen] == wanted[seen]).mean() > 0.95, layer
 
 
 def test_bad_arguments_change_nothing():

@@ -306,14 +306,16 @@ impl<'a> Folder<'a> {
         let Some(inner) = self.nodes.get(&id) else { unreachable!("children come first") };
         let mut all = inner.objects();
         let alone = match (all.next(), all.next()) {
-            (Some((_, object)), None) if object.transform.is_none() && object.motion.is_none() => {
-                Some(object)
-            }
+            (Some((_, object)), None) => Some(object),
             _ => None,
+        };
+        let rests = |object: &Object| {
+            object.motion.is_none() && object.transform.is_none_or(|map| map.is_identity())
         };
         let name = &self.scene.nodes[id.index()].name;
         // Two names need two objects.
         let is_one = |own: &Option<Arc<str>>| own.as_deref().is_none_or(|own| own == name.as_str());
+        let alone = alone.filter(|object| rests(object));
         let alone = alone.filter(|object| name.is_empty() || is_one(&object.name));
         // Between keys, only maps that keep angles may be composed with keys.
         let composed = motion.below(placed);

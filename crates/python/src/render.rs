@@ -218,7 +218,8 @@ impl _Render {
             // Short renders would not report anything otherwise.
             let progress = *watch.progress.lock().unwrap_or_else(PoisonError::into_inner);
             let share = if partial.is_done { 1.0 } else { share(&progress, start.elapsed(), time) };
-            report.call1(py, (share, progress.rays))?;
+            let rays = partial.underway.statistics.rays.total().max(progress.rays);
+            report.call1(py, (share, rays))?;
         }
         let facts = facts(py, &self.plan, &partial)?;
         for (key, value) in &picture.metadata {
