@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,10 +37,10 @@ class PointCloud:
     """
 
     points: NDArray[Any]
-    colors: NDArray[Any] | None = None
-    intensity: NDArray[Any] | None = None
-    normals: NDArray[Any] | None = None
-    columns: dict[str, NDArray[Any]] = field(default_factory=dict)
+    colors: NDArray[Any] | None
+    intensity: NDArray[Any] | None
+    normals: NDArray[Any] | None
+    columns: dict[str, NDArray[Any]]
 
     def __len__(self) -> int:
         return len(self.points)
