@@ -97,10 +97,12 @@ pub fn irradiance(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use snell_intersect::shape::{BoxShape, Disk, Sphere};
+    use snell_intersect::TriangleMesh;
+    use snell_intersect::shape::{BoxShape, Disk};
     use snell_math::{DAffine3, DVec3};
     use snell_scene::light::{Attenuation, Point};
-    use snell_scene::{Environment, Node, Scene, Surface};
+    use snell_scene::{Environment, Geometry, Node, Scene, Surface};
+    use std::sync::Arc;
 
     fn at(scene: &Scene, position: Vec3, settings: &Settings) -> Rgb {
         let compiled = CompiledScene::new(scene, &settings.build).expect("a valid scene");
@@ -157,17 +159,38 @@ mod tests {
         is_near(at(&disk, Vec3::ZERO, &settings(4096, 4)), expected, 0.02);
     }
 
+    /// A cube around zero whose walls look inwards.
+    fn room(half: f32) -> TriangleMesh {
+        let corner = |i: u8| {
+            let side = |bit: u8| if i >> bit & 1 == 1 { half } else { -half };
+            Vec3::new(side(2), side(1), side(0))
+        };
+        let indices = vec![
+            [0, 3, 1],
+            [0, 2, 3],
+            [4, 7, 6],
+            [4, 5, 7],
+            [0, 5, 4],
+            [0, 1, 5],
+            [2, 7, 3],
+            [2, 6, 7],
+            [0, 6, 2],
+            [0, 4, 6],
+            [1, 7, 5],
+            [1, 3, 7],
+        ];
+        TriangleMesh { positions: (0..8).map(corner).collect(), indices, ..TriangleMesh::default() }
+    }
+
     #[test]
-    fn bounces_add_up_in_a_closed_ball() {
+    fn bounces_add_up_in_a_closed_room() {
         let mut scene = Scene::new("furnace");
-        let glowing =
-            Material::new("wall", Diffuse::new(Rgb::splat(0.5))).emitting(Rgb::splat(1.0));
-        let glowing = scene.add_material(Material { double_sided: true, ..glowing });
-        // Surfaces shine outwards; turned inside out, the ball shines at its inside.
-        let transform = DAffine3::from_scale(DVec3::splat(-1.0));
-        let surfaces = vec![Surface::shape(Sphere { radius: 2.0 }, glowing)];
-        scene.add_child(scene.root, Node { transform, surfaces, ..Node::default() });
-        let place = Vec3::new(0.0, 0.0, -2.0);
+        let glowing = Material::new("wall", Diffuse::new(Rgb::splat(0.5)));
+        let glowing = scene.add_material(glowing.emitting(Rgb::splat(1.0)));
+        let walls = Geometry::Mesh(Arc::new(room(2.0)));
+        let surfaces = vec![Surface::with_material(walls, glowing)];
+        scene.add_child(scene.root, Node { surfaces, ..Node::default() });
+        let place = Vec3::new(0.3, 0.2, -2.0);
         // 1 + 1/2 + 1/4 ... of what the walls shine.
         is_near(at(&scene, place, &settings(1024, 40)), 2.0 * PI, 0.03);
         is_near(at(&scene, place, &settings(1024, 1)), PI, 0.03);
