@@ -3,7 +3,7 @@ r"""Jobs that people do with ray casters, by Snell and by what they use: lines, 
     python bench/jobs/all.py [NAME...]
 
 Needs: pip install numpy open3d "trimesh[easy]" embreex python-fcl \
-        opencv-python-headless
+        opencv-python-headless pyvista
 """
 
 import importlib
@@ -21,6 +21,7 @@ JOBS = [
     "photo_projection",
     "acoustics",
     "exercise",
+    "notebook",
 ]
 
 

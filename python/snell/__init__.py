@@ -14,6 +14,7 @@ array(4.)
 
 from snell._bake import Baked, bake
 from snell._cameras import create_rays_pinhole
+from snell._clouds import PointCloud, load_points
 from snell._images import Comparison, compare
 from snell._load import load
 from snell._pairs import ClosestPair, closest_pair, collides, time_of_impact
@@ -69,6 +70,7 @@ __all__ = [
     "Medium",
     "Node",
     "Pattern",
+    "PointCloud",
     "Scene",
     "SceneWarning",
     "Texture",
@@ -82,6 +84,7 @@ __all__ = [
     "describe",
     "explain",
     "load",
+    "load_points",
     "render",
     "render_iter",
     "save_points",

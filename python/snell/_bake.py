@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._snell import Scene
+from ._snell import Scene, _irradiance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -97,6 +97,52 @@ class Baked:
             )
             found[part] = 1 - blocked.mean(axis=1)
         return found
+
+    def irradiance(
+        self,
+        samples: int = 64,
+        *,
+        max_depth: int | None = None,
+        seed: int = 0,
+        threads: int | None = None,
+    ) -> NDArray[np.float32]:
+        """The light that arrives at each point from all lights of the scene and by all bounces, as
+        a path-traced picture has it: an array ``(n, 3)`` of linear RGB, in the units of radiance
+        times steradians. A matte surface of the reflectance `r` shines with
+        ``r / pi * irradiance``.
+
+        The material of the mesh itself counts only where light bounces off it again. A scene
+        without light has that which pictures of it have.
+
+        Parameters
+        ----------
+        samples : int
+            Light paths of each point. The noise falls with the root of their number.
+        max_depth : int, optional
+            Bounces of light before it arrives, as for :func:`render`; 0 is direct light alone.
+        seed : int
+            Another one gives other noise.
+        threads : int, optional
+            Number of threads; all cores if left out.
+
+        Examples
+        --------
+        >>> import numpy as np, snell
+        >>> scene = snell.Scene()
+        >>> corners, uvs = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0], [1, 0], [0, 1]]
+        >>> floor = scene.add_mesh(corners, [[0, 1, 2]], uvs=uvs)
+        >>> _ = scene.add_light(snell.Light("point", position=(0.25, 0.25, 2), intensity=20))
+        >>> baked = snell.bake(scene, floor, 8)
+        >>> light = baked.irradiance(samples=4)
+        >>> distance = np.linalg.norm(baked.points - [0.25, 0.25, 2], axis=1)
+        >>> np.allclose(light[:, 0], 20 * 2 / distance**3, rtol=1e-3)
+        True
+        """
+        options: dict[str, Any] = {"spp": samples, "seed": seed, "threads": threads}
+        # A point is the first thing that light meets here, and one that a camera sees there.
+        options["max_depth"] = None if max_depth is None else max_depth + 1
+        texels = [(int(column), int(row)) for row, column in self.texels]
+        return _irradiance(self._scene, self.points, self._sides, texels, options)
 
     def image(
         self, values: ArrayLike, *, margin: int = 2, empty: float = 0.0

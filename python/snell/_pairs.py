@@ -36,6 +36,10 @@ class ClosestPair:
         The triangle of the mesh, or the face of the box.
     instance_ids : array (2,) or (n, 2) of uint32
         The outermost instance that the object is in, or `INVALID_ID`.
+    instance_paths : array (2, depth) or (n, 2, depth) of uint32
+        The ids of all instances around the object, the outermost first, as in :class:`Hits`.
+    names : array (2,) or (n, 2) of str
+        The names of the objects, after those of the instances around them, as in :class:`Hits`.
     """
 
     distance: Any
@@ -43,6 +47,8 @@ class ClosestPair:
     geometry_ids: NDArray[np.uint32]
     primitive_ids: NDArray[np.uint32]
     instance_ids: NDArray[np.uint32]
+    instance_paths: NDArray[np.uint32]
+    names: NDArray[np.str_]
 
     @property
     def is_found(self) -> Any:
@@ -100,11 +106,11 @@ def closest_pair(
     >>> snell.closest_pair(cup, table, transform_a=poses).distance.tolist()
     [0.5, 0.25, 0.0]
     """
-    distance, points, geometries, primitives, instances = _snell._closest_pair(
+    distance, points, geometries, primitives, instances, paths, names = _snell._closest_pair(
         a, b, transform_a, transform_b, max_distance, threads
     )
     alone = distance if distance.ndim else float(distance)
-    return ClosestPair(alone, points, geometries, primitives, instances)
+    return ClosestPair(alone, points, geometries, primitives, instances, paths, names)
 
 
 def collides(

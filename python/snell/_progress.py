@@ -117,9 +117,13 @@ def query_bar() -> _QueryBar | None:
 
 
 @contextlib.contextmanager
-def reporter(progress: bool | Report) -> Iterator[Report | None]:
+def reporter(progress: bool | Report | None) -> Iterator[Report | None]:
     """Yields the function that receives the progress of a render; None if nothing does."""
-    if not isinstance(progress, bool):
+    if progress is not None and not isinstance(progress, bool):
+        if not callable(progress):
+            raise TypeError(
+                f"progress is {progress!r}, expected True, False or a function of (share, rays)"
+            )
         yield progress
         return
     bar = _bar() if progress else None

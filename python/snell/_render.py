@@ -89,7 +89,8 @@ def render(
     progress : bool or callable
         True shows the progress after a second, by tqdm or rich if the program has imported one of
         them, else as a line of text on a terminal. A callable is given the finished share, 0 to 1,
-        and the number of rays so far; it stops the render by returning False.
+        and the number of rays so far, ten times a second and at the end; it stops the render by
+        returning False.
     SETTINGS
 
     Returns

@@ -40,6 +40,8 @@ __all__ = [
     "_collides",
     "_compare",
     "_explain",
+    "_irradiance",
+    "_load_points",
     "_load_stage",
     "_pack_scene",
     "_render_settings",
@@ -82,6 +84,16 @@ _Floats = NDArray[np.float32] | NDArray[np.float64]
 def load(
     path: str | PathLike[str], *, threads: int | None = None, confine: bool = False
 ) -> Scene: ...
+def _irradiance(
+    scene: Scene,
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    texels: list[tuple[int, int]],
+    options: dict[str, Any],
+) -> NDArray[np.float32]: ...
+def _load_points(
+    path: str | PathLike[str],
+) -> tuple[list[tuple[str, NDArray[Any]]], tuple[int, int]]: ...
 def _load_stage(name: str, text: str) -> Scene: ...
 def _compare(reference: Any, test: Any) -> tuple[dict[str, Any], NDArray[np.float32]]: ...
 def _restore_image(
@@ -113,6 +125,8 @@ def _closest_pair(
     NDArray[np.uint32],
     NDArray[np.uint32],
     NDArray[np.uint32],
+    NDArray[np.uint32],
+    NDArray[np.str_],
 ]: ...
 def _collides(
     a: Scene,
@@ -158,10 +172,8 @@ def _restore_pattern(
     arrays: dict[str, NDArray[Any]],
 ) -> Pattern: ...
 def _restore(
-    slots: list[dict[str, Any] | None],
-    stage: bytes,
-    warnings: list[tuple[str, int]],
-    compact: bool = False,
+    scenes: list[tuple[list[dict[str, Any] | None], int, bool]],
+    stages: list[tuple[bytes, list[tuple[str, int]]]],
 ) -> Scene: ...
 
 @final
@@ -192,6 +204,7 @@ class Scene:
         colors: _Array | None = None,
         material: Material | list[Material] | None = None,
         material_ids: _Array | None = None,
+        times: _Array | None = None,
     ) -> int: ...
     def add_shape(
         self,
@@ -201,6 +214,7 @@ class Scene:
         *,
         mask: int | None = None,
         material: Material | None = None,
+        times: _Array | None = None,
         **parameters: Any,
     ) -> int: ...
     def add_curves(
@@ -214,6 +228,7 @@ class Scene:
         *,
         mask: int | None = None,
         material: Material | None = None,
+        times: _Array | None = None,
     ) -> int: ...
     def add_spheres(
         self,
@@ -224,6 +239,7 @@ class Scene:
         *,
         mask: int | None = None,
         material: Material | None = None,
+        times: _Array | None = None,
     ) -> int: ...
     def add_heightfield(
         self,
@@ -232,6 +248,7 @@ class Scene:
         name: str | None = None,
         *,
         smooth: bool = False,
+        edges: Literal["open", "closed"] = "open",
         mask: int | None = None,
         material: Material | None = None,
     ) -> int: ...
@@ -647,6 +664,21 @@ class Camera:
     def kind(self) -> str: ...
     @property
     def parameters(self) -> dict[str, Any]: ...
+    def replace(
+        self,
+        *,
+        eye: _Array | None = None,
+        target: _Array | None = None,
+        towards: _Array | None = None,
+        up: _Array | None = None,
+        fov: float | None = None,
+        aperture_radius: float | None = None,
+        focus_distance: float | None = None,
+        resolution: Sequence[int] | None = None,
+        name: str | None = None,
+        **parameters: Any,
+    ) -> Camera: ...
+    def __replace__(self, **changes: Any) -> Camera: ...
     def rays(
         self,
         width_px: int | None = None,

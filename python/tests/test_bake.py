@@ -56,3 +56,36 @@ def test_what_cannot_be_baked_is_refused():
         snell.bake(scene, bare, 0)
     with pytest.raises(ValueError, match="there are 3, expected 16"):
         snell.bake(scene, scene.add_mesh(CORNERS, FACES, uvs=UVS), (8, 4)).image([1, 2, 3])
+
+
+def test_irradiance_is_that_of_lights_and_bounces():
+    scene = snell.Scene()
+    grey = snell.Material("diffuse", reflectance=0.1)
+    floor = scene.add_mesh(CORNERS, FACES, uvs=UVS, material=grey)
+    baked = snell.bake(scene, floor, 8)
+    lamp = baked.points.mean(axis=0) + 2 * baked.normals[0] + [0.1, 0.1, 0.1]
+    scene.add_light(snell.Light("point", position=tuple(lamp), intensity=(8, 4, 2)))
+    way = lamp - baked.points
+    cosine = (way * baked.normals).sum(axis=1)
+    expected = cosine / np.linalg.norm(way, axis=1) ** 3
+    found = snell.bake(scene, floor, 8).irradiance(samples=2)
+    assert found.dtype == np.float32 and found.shape == (len(expected), 3)
+    assert np.allclose(found, expected[:, None] * [8, 4, 2], rtol=1e-3)
+    # A furnace: walls that shine 1 and reflect a half are seen to shine 2.
+    room = snell.Scene()
+    corners = np.array([[x, y, z] for x in (-9, 9) for y in (-9, 9) for z in (-9, 9.0)])
+    inwards = [[0, 3, 1], [0, 2, 3], [4, 7, 6], [4, 5, 7], [0, 5, 4], [0, 1, 5]]
+    inwards += [[2, 7, 3], [2, 6, 7], [0, 6, 2], [0, 4, 6], [1, 7, 5], [1, 3, 7]]
+    glowing = snell.Material("diffuse", reflectance=0.5, emission=1)
+    room.add_mesh(corners, inwards, material=glowing)
+    inside = room.add_mesh(CORNERS * 0.1, FACES, uvs=UVS)
+    light = snell.bake(room, inside, 2).irradiance(samples=256, max_depth=30)
+    assert np.allclose(light, 2 * np.pi, rtol=0.1), light
+    again = snell.bake(room, inside, 2).irradiance(samples=256, max_depth=30, threads=1)
+    assert (again == light).all()
+    assert np.allclose(snell.bake(room, inside, 2).irradiance(max_depth=0), np.pi, rtol=0.1)
+    far = snell.Scene()
+    there = np.asarray(CORNERS) + [448262, 5411932, 119]
+    far_floor = far.add_mesh(there, FACES, uvs=UVS)
+    far.environment = 1.0
+    assert np.allclose(snell.bake(far, far_floor, 2).irradiance(samples=64), np.pi, rtol=0.01)

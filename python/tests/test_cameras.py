@@ -127,3 +127,66 @@ def test_messages_say_what_is_wrong_with_a_calibration(arguments, message):
     given = {"K": K, "size": SIZE, **arguments}
     with pytest.raises((TypeError, ValueError), match=message):
         snell.Camera.from_opencv(given.pop("K"), **given)
+
+
+def test_matrices_that_are_no_poses_are_refused():
+    sheared = np.eye(4)
+    sheared[0, 1] = 0.2
+    stretched = np.diag([1.0, 1, 2, 1])
+    half = 0.5 * np.eye(4)
+    half[3, 3] = 1
+    for pose, message in [
+        (sheared, "not perpendicular"),
+        (stretched, r"lengths 1, 1 and 2, expected 1"),
+        (half, "expected 1; divide the scale out"),
+        (np.diag([1.0, 1, -1, 1]), "mirrors"),
+        (np.diag([1.0, 1, 0, 1]), "lengths 1, 1 and 0"),
+    ]:
+        for name in ("T_world_cam", "T_cam_world"):
+            with pytest.raises(ValueError, match=message):
+                snell.Camera.from_opencv(K, size=SIZE, **{name: pose})
+    with pytest.raises(ValueError, match=r"T_world_cam: .*not perpendicular"):
+        snell.Camera.from_matrix(sheared, "opengl")
+    # The scale of an object of Blender, and rounded numbers of a file, are no fault.
+    assert snell.Camera.from_matrix(half, "blender").eye == (0, 0, 0)
+    turned = snell.Camera.from_opencv(K, size=SIZE, **POSE).matrix("opencv")
+    assert snell.Camera.from_opencv(K, turned.round(4), size=SIZE).kind == "intrinsics"
+    with pytest.raises((TypeError, ValueError), match="T_world_cam"):
+        snell.Camera.from_opencv(K, "identity", size=SIZE)
+
+
+def test_matrices_of_other_units_than_pixels_are_refused_or_warned_about():
+    with pytest.raises(ValueError, match=r"fx is -800 .*expected positive"):
+        snell.Camera.from_opencv(K * [[-1, 1, 1]] * [[1], [1], [1]], size=SIZE)
+    with pytest.warns(UserWarning, match="multiply the first row by the width"):
+        snell.Camera.from_opencv([[1.25, 0, 0.5], [0, 1.6, 0.5], [0, 0, 1]], size=SIZE)
+
+
+def test_a_camera_is_made_from_another():
+    camera = snell.Camera(
+        eye=(1, 2, 8), target=(0, 0, 0), fov=30, aperture_radius=0.1, resolution=(64, 48), name="a"
+    )
+    assert camera.replace().__reduce__() == camera.__reduce__()
+    moved = camera.replace(eye=(4, 4, 4))
+    assert moved.eye == (4, 4, 4) and moved.towards == camera.towards
+    assert (moved.name, moved.resolution, moved.aperture_radius) == ("a", (64, 48), 0.1)
+    aimed = moved.replace(target=(0, 0, 0), up=(0, 0, 1), name="b", resolution=(8, 8))
+    assert np.allclose(aimed.towards, -np.full(3, 3**-0.5)) and aimed.name == "b"
+    assert np.isclose(aimed.focus_distance, 48**0.5) and aimed.resolution == (8, 8)
+    wide = camera.replace(fov=90)
+    assert np.isclose(wide.tan_half_fov[1], 1) and wide.eye == camera.eye
+    for same in (wide.replace(fov=30), wide.replace(tan_half_fov=camera.tan_half_fov)):
+        assert same.tan_half_fov == camera.tan_half_fov
+    calibrated = snell.Camera.from_opencv(K, size=SIZE, distortion=[-0.2, 0.1, 0, 0], **POSE)
+    shifted = calibrated.replace(principal_point=(300, 200), eye=(0, 0, 1))
+    assert shifted.principal_point == (300, 200) and shifted.resolution == SIZE
+    assert shifted.distortion == calibrated.distortion and shifted.focal_length == (800, 790)
+    assert shifted.pixel_center == calibrated.pixel_center
+    with pytest.raises(TypeError, match="target or towards"):
+        camera.replace(target=(0, 0, 0), towards=(0, 0, 1))
+    with pytest.raises(ValueError, match="target is where eye is"):
+        camera.replace(target=camera.eye)
+    with pytest.raises((TypeError, ValueError), match="radius"):
+        camera.replace(radius=1)
+    with pytest.raises(AttributeError, match="replace"):
+        camera.eye = (0, 0, 0)

@@ -185,3 +185,166 @@ def test_trimesh_reads_them(rng, tmp_path):
     snell.save_points(tmp_path / "a.ply", points, colors, ring=np.arange(200))
     read = trimesh.load(tmp_path / "a.ply")
     assert (read.vertices == points).all() and (read.colors == colors).all()
+
+
+def lzf(data: bytes) -> bytes:
+    """LZF of literals, and of a reference where 3 bytes or more repeat what is 4 bytes before."""
+    out, at, literal = bytearray(), 0, bytearray()
+
+    def flush() -> None:
+        for start in range(0, len(literal), 32):
+            piece = literal[start : start + 32]
+            out.append(len(piece) - 1)
+            out.extend(piece)
+        literal.clear()
+
+    while at < len(data):
+        length = 0
+        while at >= 4 and at + length < len(data) and length < 264:
+            if data[at + length] != data[at + length - 4]:
+                break
+            length += 1
+        if length >= 3:
+            flush()
+            code = length - 2
+            out.append((min(code, 7) << 5) | 0)
+            if code >= 7:
+                out.append(code - 7)
+            out.append(3)
+            at += length
+        else:
+            literal.append(data[at])
+            at += 1
+    flush()
+    return bytes(out)
+
+
+HEADER = """# .PCD v0.7 - Point Cloud Data file format
+VERSION 0.7
+FIELDS x y z rgb intensity ring normal_x normal_y normal_z _
+SIZE 4 4 4 4 8 2 4 4 4 1
+TYPE F F F F F U F F F U
+COUNT 1 1 1 1 1 1 1 1 1 3
+WIDTH 6
+HEIGHT {rows}
+VIEWPOINT 0 0 0 1 0 0 0
+POINTS {count}
+DATA {data}
+"""
+
+
+def records(rng, count: int) -> np.ndarray:
+    fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("rgb", "<u4"), ("intensity", "<f8")]
+    fields += [("ring", "<u2"), ("normal_x", "<f4"), ("normal_y", "<f4"), ("normal_z", "<f4")]
+    made = np.zeros(count, [*fields, ("_", "u1", 3)])
+    for name in ("x", "y", "z", "normal_x", "normal_y", "normal_z"):
+        made[name] = rng.normal(size=count)
+    made["rgb"] = rng.integers(0, 1 << 24, count)
+    made["intensity"] = rng.random(count)
+    made["ring"] = np.arange(count) // 4
+    return made
+
+
+@pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
+@pytest.mark.parametrize("rows", [1, 4])
+def test_pcd_of_other_programs_is_read(rng, tmp_path, data, rows):
+    count = 6 * rows
+    made = records(rng, count)
+    if data == "ascii":
+        lines = [
+            " ".join(
+                str(value)
+                for name in made.dtype.names
+                for value in np.atleast_1d(
+                    row[name].view("f4") if name == "rgb" else row[name]
+                ).tolist()
+            )
+            for row in made
+        ]
+        body = "\n".join(lines).encode()
+    elif data == "binary":
+        body = made.tobytes()
+    else:
+        columns = b"".join(np.ascontiguousarray(made[name]).tobytes() for name in made.dtype.names)
+        packed = lzf(columns)
+        body = np.array([len(packed), len(columns)], "<u4").tobytes() + packed
+    path = tmp_path / "scan.pcd"
+    path.write_bytes(HEADER.format(rows=rows, count=count, data=data).encode() + body)
+    cloud = snell.load_points(path)
+    shape = (rows, 6) if rows > 1 else (6,)
+    assert cloud.points.shape == (*shape, 3) and cloud.points.dtype == np.float32
+    assert len(cloud) == shape[0] and list(cloud.columns) == ["ring"]
+    for axis, name in enumerate("xyz"):
+        assert (cloud.points[..., axis].ravel() == made[name]).all()
+        assert (cloud.normals[..., axis].ravel() == made[f"normal_{name}"]).all()
+    assert (cloud.intensity.ravel() == made["intensity"]).all()
+    assert cloud.columns["ring"].dtype == np.uint16
+    assert (cloud.columns["ring"].ravel() == made["ring"]).all()
+    for channel, shift in enumerate((16, 8, 0)):
+        assert (cloud.colors[..., channel].ravel() == made["rgb"] >> shift & 255).all()
+    # The same file as balls.
+    scene = snell.load(path)
+    assert any("points are drawn as balls" in warning for warning in scene.warnings)
+    hits = scene.cast_rays((cloud.points.reshape(-1, 3) + [0, 0, 9], [0, 0, -1]))
+    assert hits.is_hit.all()
+    linear = snell.Texture(cloud.colors.reshape(1, -1, 3))
+    assert linear is not None and (hits.albedo <= 1).all()
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd"])
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_what_is_saved_is_loaded(rng, tmp_path, suffix, kind):
+    points = (rng.normal(size=(50, 3)) + [448262, 5411932, 120]).astype(kind)
+    given = {
+        "colors": rng.integers(0, 256, (50, 3), dtype=np.uint8),
+        "intensity": rng.random(50),
+        "normals": rng.normal(size=(50, 3)).astype(np.float32),
+    }
+    columns = {"ring": np.arange(50, dtype=np.uint16), "time": rng.random(50)}
+    path = tmp_path / f"scan{suffix}"
+    snell.save_points(path, points, **given, **columns)
+    cloud = snell.load_points(path)
+    assert cloud.points.dtype == kind and (cloud.points == points).all()
+    for name, values in given.items():
+        found = getattr(cloud, name)
+        assert found.dtype == values.dtype and (found == values).all(), name
+    for name, values in columns.items():
+        assert cloud.columns[name].dtype == values.dtype and (cloud.columns[name] == values).all()
+    kept = {name: getattr(cloud, name) for name in given}
+    snell.save_points(tmp_path / f"again{suffix}", cloud.points, **kept, **cloud.columns)
+    assert (tmp_path / f"again{suffix}").read_bytes() == path.read_bytes()
+    alpha = rng.integers(1, 256, (50, 4), dtype=np.uint8)
+    snell.save_points(path, points, colors=alpha)
+    assert (snell.load_points(path).colors == alpha).all()
+    grid = points[:48].reshape(6, 8, 3)
+    snell.save_points(path, grid)
+    assert snell.load_points(path).points.shape == (grid.shape if suffix == ".pcd" else (48, 3))
+
+
+def test_ply_of_meshes_and_of_text_is_read(tmp_path):
+    path = tmp_path / "mesh.ply"
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\n"
+        "element vertex 3\nproperty int x\nproperty int y\nproperty int z\n"
+        "property list uchar int near\nproperty float scalar_Intensity\nend_header\n"
+        "3 0 1 2\n0 0 0 2 5 6 0.5\n1 0 0 0 1\n0 1 0 1 9 -3\n"
+    )
+    cloud = snell.load_points(path)
+    assert cloud.points.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert cloud.points.dtype == np.float64 and cloud.intensity.tolist() == [0.5, 1, -3]
+    assert repr(cloud) == "<snell.PointCloud: 3 points, intensity>"
+
+
+def test_files_that_are_no_clouds_are_refused(tmp_path):
+    path = tmp_path / "scan.xyz"
+    with pytest.raises(FileNotFoundError):
+        snell.load_points(path)
+    path.write_text("1 2 3\n")
+    with pytest.raises(ValueError, match="neither a PLY nor a PCD file"):
+        snell.load_points(path)
+    path.write_text("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n")
+    with pytest.raises(ValueError, match="no x, y and z"):
+        snell.load_points(path)
+    path.write_bytes(HEADER.format(rows=1, count=6, data="binary").encode() + bytes(7))
+    with pytest.raises(ValueError, match=r"scan\.xyz.*7 bytes of points, expected 246"):
+        snell.load_points(path)

@@ -63,3 +63,21 @@ def test_ply_has_the_bytes_that_were_given(tmp_path):
     vertices = np.frombuffer(body[: 4 * 16], dtype=np.uint8).reshape(4, 16)
     np.testing.assert_array_equal(vertices[:, 12:15], colors)
     assert (vertices[:, 15] == 255).all()
+
+
+def test_a_mesh_with_colours_and_no_material_has_just_these():
+    colors = np.array([[200, 30, 90]] * 4, np.uint8)
+    scene = snell.Scene()
+    scene.add_mesh(QUAD, FACES, colors=colors)
+    scene.add_mesh(np.add(QUAD, [9, 0, 0]), FACES)
+    ray = [0.1, 0.2, 5, 0, 0, -1]
+    linear = np.where(
+        colors[0] / 255 <= 0.04045,
+        colors[0] / 255 / 12.92,
+        ((colors[0] / 255 + 0.055) / 1.055) ** 2.4,
+    )
+    assert np.allclose(scene.cast_rays(ray).albedo, linear, atol=1e-5)
+    assert (scene.cast_rays(np.add(ray, [9, 0, 0, 0, 0, 0])).albedo < 0.9).all()
+    camera = snell.Camera(eye=(0, 0, 5), target=(0, 0, 0), fov=10)
+    look = {"camera": camera, "spp": 1, "size": (4, 4), "aovs": ["albedo"], "progress": False}
+    assert np.allclose(snell.render(scene, "flat", **look).aovs["albedo"], linear, atol=1e-4)

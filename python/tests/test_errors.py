@@ -286,3 +286,54 @@ def test_random_calls_give_answers_or_exceptions(rng):
         except (ValueError, TypeError, IndexError, OverflowError):
             failed += 1
     assert succeeded > 1000 and failed > 1000, (succeeded, failed)
+
+
+def test_names_are_texts():
+    made = scene()
+    for call in [
+        lambda: made.add_mesh(V, F, name=3),
+        lambda: made.add_shape("sphere", name=b"ball", radius=1),
+        lambda: made.add_instance(snell.Scene(), name=["a"]),
+        lambda: made.update_name(0, 3),
+        lambda: snell.Camera(eye=(0, 0, 1), name=3),
+    ]:
+        with pytest.raises(TypeError, match=r"^name is .*, expected a text"):
+            call()
+    with pytest.raises(TypeError, match=r"^name is 3, expected a text"):
+        made.name = 3
+    assert made.names == {}
+
+
+@pytest.mark.parametrize("name", [b"ball", bytearray(b"ball")])
+def test_bytes_are_no_names_and_no_ids(name):
+    made = scene()
+    for argument in ("only", "exclude"):
+        with pytest.raises(TypeError, match=f"{argument} is .*ball.*expected a text.*decode"):
+            made.cast_rays(RAY, **{argument: name})
+
+
+def test_texts_are_no_places():
+    made = scene()
+    for call in [
+        lambda: made.add_mesh(V, F, "triangle"),
+        lambda: made.add_shape("sphere", "ball", radius=1),
+        lambda: made.update_transform(0, "here"),
+    ]:
+        with pytest.raises(TypeError, match="transform"):
+            call()
+
+
+def test_a_list_of_masks_is_one_for_each_ray():
+    made = snell.Scene()
+    made.add_mesh(V, F, mask=2)
+    rays = [[0.2, 0.2, -1, 0, 0, 1]] * 3
+    assert made.test_occlusions(rays, mask=[1, 2, 3]).tolist() == [False, True, True]
+    with pytest.raises(TypeError, match="mask"):
+        made.add_mesh(V, F, mask=[1, 2])
+    with pytest.raises(TypeError, match="mask"):
+        made.occupancy([[0, 0, 0]], mask=[1])
+
+
+def test_reports_that_cannot_be_called_are_refused_at_once():
+    with pytest.raises(TypeError, match="progress is 3, expected True, False or a function"):
+        snell.render(scene(), spp=1, size=(4, 4), progress=3)

@@ -320,3 +320,53 @@ def test_wrong_changes_are_told() -> None:
     all_gone = scene.add_heightfield(np.full((3, 4), np.nan))
     assert len(scene.mesh(all_gone).faces) == 0
     assert scene.cast_rays([2, 2, 10, 0, 0, -1]).t_hit == 10
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("turn", [0, 1])
+def test_a_closed_border_is_hit_at_its_own_nodes(rng, dtype, turn) -> None:
+    far = [0, 0] if dtype == np.float32 else [448262, 5411932]
+    rows, columns = 9, 12
+    z = rng.integers(0, 8, (rows, columns)).astype(float)
+    z[3, 4] = z[6, 11] = np.nan
+    affine = np.array(
+        [[[2, 0, far[0]], [0, -4, far[1]]], [[0, 4, far[0]], [2, 0, far[1]]]][turn], float
+    )
+    row, column = np.mgrid[:rows, :columns]
+    nodes = np.stack([column + 0.5, row + 0.5, np.ones_like(row)], axis=-1) @ affine.T
+    is_there = ~np.isnan(z)
+    above = np.dstack([nodes, np.full_like(z, 50)])[is_there].astype(dtype)
+    down = np.broadcast_to(np.array([0, 0, -1], dtype), above.shape)
+    # Edges of the border between their nodes, in the middle.
+    first, last = above[: columns - 1], above[1:columns]
+    between = ((first + last) / 2).astype(dtype)
+    found = {}
+    for edges in ("open", "closed"):
+        scene = snell.Scene()
+        scene.add_heightfield(z, affine, edges=edges)
+        for made in (scene, pickle.loads(pickle.dumps(scene))):
+            hits = made.cast_rays((above, down))
+            found[edges] = hits.is_hit
+            t = hits.t_hit[hits.is_hit]
+            assert (t == 50 - z[is_there][hits.is_hit]).all()
+            assert (made.test_occlusions((above, down)) == hits.is_hit).all()
+            counts = made.count_intersections((above, down))
+            assert (counts[~hits.is_hit] == 0).all() and counts.max() <= 2
+        single = np.array([scene.test_occlusions((o, d)) for o, d in zip(above, down, strict=True)])
+        assert (single == found[edges]).all()
+        assert scene.test_occlusions((between, down[: columns - 1])).all() or edges == "open"
+    assert found["closed"].all() and not found["open"].all()
+    # Elsewhere nothing changes.
+    opened, closed = snell.Scene(), snell.Scene()
+    opened.add_heightfield(z, affine)
+    closed.add_heightfield(z, affine, edges="closed")
+    center = above.mean(axis=0)
+    origins = center + rng.normal(size=(3000, 3)) * [9, 9, 5]
+    rays = np.concatenate([origins, rng.normal(size=(3000, 3))], axis=1).astype(dtype)
+    ours, theirs = closed.cast_rays(rays), opened.cast_rays(rays)
+    assert (ours.t_hit == theirs.t_hit).all() and ours.is_hit.any()
+    assert (closed.count_intersections(rays) == opened.count_intersections(rays)).all()
+    closed.update_heights(0, z + 1)
+    assert closed.test_occlusions((above, down)).all()
+    with pytest.raises(ValueError, match='edges is "shut"'):
+        closed.add_heightfield(z, edges="shut")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import warnings
 
 import numpy as np
 import pytest
@@ -34,15 +35,14 @@ def street() -> tuple[snell.Scene, list[int]]:
     car.add_instance(wheel, spin, times=[-1, 2, 5])
     still = scene.add_mesh(corners, faces, placed(0, 0, -4))
     road = np.stack([placed(-5, -3), placed(3, -3), placed(5, 2, 0, 80)])
+    when = [0.5, 2, 3]
     moving = [
         scene.add_instance(car, road, times=[0, 1, 4]),
-        scene.add_mesh(corners, faces, road + placed(0, 0, 3) - np.eye(4)),
-        scene.add_shape("sphere", road, radius=1),
-        scene.add_spheres([[0, 0, -1], [0, 2, -1]], 0.7, road),
-        scene.add_curves([[0, 0, 0], [0, 0, 4]], 0.3, basis="linear", transform=road),
+        scene.add_mesh(corners, faces, road + placed(0, 0, 3) - np.eye(4), times=when),
+        scene.add_shape("sphere", road, times=when, radius=1),
+        scene.add_spheres([[0, 0, -1], [0, 2, -1]], 0.7, road, times=when),
+        scene.add_curves([[0, 0, 0], [0, 0, 4]], 0.3, None, "linear", road, times=when),
     ]
-    for id in moving[1:]:
-        scene.update_transform(id, scene.motion(id)[0], times=[0.5, 2, 3])
     return scene, [still, *moving]
 
 
@@ -100,7 +100,7 @@ def test_times_do_not_depend_on_the_batch_or_the_threads(rng):
 def test_translations_are_linear_and_rotations_are_rigid():
     scene = snell.Scene()
     keys = np.stack([placed(), placed(10, 0, 0, 120)])
-    bar = scene.add_shape("box", keys, min=[-4, -1, -1], max=[4, 1, 1])
+    bar = scene.add_shape("box", keys, times=[0, 1], min=[-4, -1, -1], max=[4, 1, 1])
     for time in (0, 0.1, 0.37, 0.5, 0.99, 1):
         there = placed(10 * time, 0, 0, 120 * time)
         assert np.allclose(scene.at(time).transform(bar), there, atol=1e-12)
@@ -114,10 +114,9 @@ def test_translations_are_linear_and_rotations_are_rigid():
 def test_things_rest_before_and_after_their_keys_and_without_times():
     scene = snell.Scene()
     keys = np.stack([placed(), placed(4)])
-    early = scene.add_shape("sphere", keys, radius=1)
-    late = scene.add_shape("sphere", keys + placed(0, 10) - np.eye(4), radius=1)
-    scene.update_transform(early, scene.motion(early)[0], times=[10, 20])
-    scene.update_transform(late, scene.motion(late)[0], times=[100, 200])
+    scene.add_shape("sphere", keys, radius=1, times=[10, 20])
+    late = keys + placed(0, 10) - np.eye(4)
+    scene.add_shape("sphere", late, radius=1, times=[100, 200])
     rays = ([[0, 0, 9], [4, 0, 9], [0, 10, 9], [4, 10, 9]], [0, 0, -1])
     for time, seen in [
         (None, [1, 0, 1, 0]),
@@ -160,8 +159,7 @@ def test_motion_is_read_back_copied_pickled_and_ended():
 def test_a_file_keeps_the_motion_and_pictures_show_it(tmp_path):
     scene = snell.Scene()
     keys = np.stack([placed(-1.5), placed(1.5)])
-    ball = scene.add_shape("sphere", keys, radius=0.5)
-    scene.update_transform(ball, keys, times=[3, 5])
+    scene.add_shape("sphere", keys, radius=0.5, times=[3, 5])
     scene.environment, scene.background = 1.0, (0, 0, 0)
     scene.add_camera(snell.Camera(eye=(0, 0, 8), target=(0, 0, 0), fov=16))
     look = {"integrator": "flat", "spp": 16, "size": (64, 24), "progress": False}
@@ -211,6 +209,121 @@ def test_many_are_added_and_moved_at_once(rng):
     scene.update_transforms([], np.empty((0, 4, 4)))
 
 
+def test_many_transforms_without_times_are_refused():
+    ball, scene = snell.Scene(), snell.Scene()
+    ball.add_shape("sphere", radius=1)
+    many = np.tile(np.eye(4), (3, 1, 1))
+    triangle = ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    for add in [
+        lambda: scene.add_instance(ball, many),
+        lambda: scene.add_mesh(*triangle, many),
+        lambda: scene.add_shape("sphere", many, radius=1),
+        lambda: scene.add_spheres([[0, 0, 0]], 1, many),
+        lambda: scene.add_curves([[0, 0, 0], [0, 0, 1]], 1, basis="linear", transform=many),
+    ]:
+        with pytest.raises(ValueError, match=r"\(3, 4, 4\).*times=.*add_instances"):
+            add()
+    assert len(scene) == 0
+    ids = scene.add_instances(ball, many)
+    with pytest.raises(ValueError, match=r"give times="):
+        scene.update_transform(0, many)
+    with pytest.raises(ValueError, match=r"no times; give times=.*reshape"):
+        scene.update_transforms(ids, np.stack([many] * 3))
+    moving = np.stack([placed(), placed(6)])
+    scene.add_mesh(*triangle, moving, times=[0, 2])
+    scene.add_spheres([[0, 5, 0]], 1, moving, times=[0, 2])
+    scene.add_curves([[0, 9, 0], [0, 9, 1]], 1, basis="linear", transform=moving, times=[0, 2])
+    rays = ([[3.2, 0.2, 9], [3, 5, 9], [3, 9, 9]], [0, 0, -1])
+    assert scene.test_occlusions(rays, times=1).all()
+    assert not scene.test_occlusions(rays, times=2).any()
+
+
+def animated(rng):
+    """A scene of everything that moves: meshes (near and far), shapes, nested instances."""
+    scene, wheel, car = snell.Scene(), snell.Scene(), snell.Scene()
+    far = rng.uniform(-1, 1, (30, 3)) + [448262.123, 5411932.456, 119.9]
+    faces = np.arange(30).reshape(-1, 3)
+    away = placed(-448262, -5411932, -120)
+    keys = np.stack([away @ placed(), placed(3, 0, 0) @ away, placed(3, 0, 2, 45) @ away])
+    scene.add_mesh(far, faces, keys, "far", times=[0, 1, 4])
+    scene.add_mesh(rng.uniform(-1, 1, (30, 3)).astype(np.float32), faces, placed(0, 4), "still")
+    turning = [placed(0, -4, 0, angle) for angle in (0, 90, 180)]
+    scene.add_shape("box", turning, "box", times=[1, 2, 3], min=[-2, -0.2, -0.2], max=[2, 0.2, 0.2])
+    wheel.add_shape("cylinder", placed(0, 0.2), radius=0.5, height=0.3)
+    wheel.add_shape("sphere", placed(0, 0, 0.9), radius=0.3)
+    spin = np.stack([placed(turn=angle) for angle in (0, 120, 240, 360)])
+    for x in (-1, 1):
+        moved = placed(x) @ spin
+        car.add_instance(wheel, moved, f"wheel {x}", times=[0, 1, 2, 3])
+    car.add_shape("box", name="body", min=[-2, -0.5, 0.2], max=[2, 0.5, 1])
+    drive = np.stack([placed(-9, 9), placed(9, 9, 0, 30)])
+    scene.add_instance(car, drive, "car", times=[-1, 5])
+    scene.add_instance(car, placed(0, -12), "parked")
+    return scene
+
+
+def test_a_file_moves_for_queries_as_the_scene_that_was_saved(rng, tmp_path):
+    scene = animated(rng)
+    scene.save(tmp_path / "all.snell")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        loaded = snell.load(tmp_path / "all.snell")
+        origins = rng.uniform(-12, 12, (4000, 3))
+        rows = np.array([[0, 0, 0], [0, 4, 0], [0, -4, 0], [0, 9, 0.5], [0, -12, 0.5]])
+        targets = rows[np.arange(4000) % 5] + rng.uniform(-1, 1, (4000, 3)) * [3, 0.6, 0.4]
+        rays = np.concatenate([origins, targets - origins], axis=1)
+        for times in (None, rng.uniform(-2, 6, 4000)):
+            expected = scene.cast_rays(rays, times=times)
+            found = loaded.cast_rays(rays, times=times)
+            assert (found.is_hit == expected.is_hit).mean() > 0.9995
+            both = found.is_hit & expected.is_hit
+            assert both.sum() > 300
+            close = np.isclose(found.t_hit[both], expected.t_hit[both], atol=1e-5)
+            assert close.mean() > 0.998
+            same = found.names[both] == expected.names[both]
+            assert same.mean() > 0.998, (found.names[both][~same], expected.names[both][~same])
+        for time in (0.3, 1.7, 4.2):
+            ours, theirs = loaded.at(time), scene.at(time)
+            assert np.allclose(ours.bounds, theirs.bounds, atol=1e-6)
+        again = pickle.loads(pickle.dumps(loaded))
+        assert np.allclose(
+            again.cast_rays(rays, times=2).t_hit, loaded.cast_rays(rays, times=2).t_hit
+        )
+    for name in ("far", "box", "car"):
+        ours, theirs = loaded.motion(loaded[name]), scene.motion(scene[name])
+        assert np.allclose(ours[0], theirs[0], atol=1e-12) and (ours[1] == theirs[1]).all()
+    assert loaded.motion(loaded["still"]) is None and loaded.motion(loaded["parked"]) is None
+    inner = loaded.instance(loaded["car"])
+    assert inner.motion(inner["wheel 1"])[1].tolist() == [0, 1, 2, 3]
+    # What was read is written and rendered as it was, and after a change, too.
+    for changed in (False, True):
+        if changed:
+            loaded.remove(loaded["still"])
+            scene.remove(scene["still"])
+        loaded.save(tmp_path / "again.snell")
+        again = snell.load(tmp_path / "again.snell")
+        for name in ("far", "box", "car"):
+            assert np.allclose(again.motion(again[name])[0], scene.motion(scene[name])[0])
+
+
+def test_layers_of_ids_of_a_moving_file_are_those_of_queries(rng, tmp_path):
+    scene = animated(rng)
+    scene.add_camera(snell.Camera(eye=(0, 0, 30), target=(0, 0, 0), fov=50))
+    scene.save(tmp_path / "all.snell")
+    loaded = snell.load(tmp_path / "all.snell")
+    aovs = ["geometry-id", "instance-id"]
+    picture = snell.render(loaded, "flat", spp=1, size=(180, 180), aovs=aovs, progress=False)
+    hits = loaded.cast_rays(loaded.cameras[0].rays(180, 180))
+    seen = hits.is_hit & (picture.aovs["geometry-id"] >= 0)
+    assert seen.sum() > 100
+    ids = [
+        np.where(ids == snell.INVALID_ID, -1, ids.astype(int))
+        for ids in (hits.geometry_ids, hits.instance_ids)
+    ]
+    for layer, wanted in zip(aovs, ids, strict=True):
+        assert (picture.aovs[layer][seen] == wanted[seen]).mean() > 0.95, layer
+
+
 def test_bad_arguments_change_nothing():
     ball, scene = snell.Scene(), snell.Scene()
     ball.add_shape("sphere", radius=1)
@@ -242,9 +355,12 @@ def test_bad_arguments_change_nothing():
             r"times\[2\] is 1, expected more",
         ),
         (lambda: scene.update_transform(0, good, times=[0, np.inf, 1]), r"times\[1\] is inf"),
-        (lambda: scene.update_transform(0, good[:0]), "there are no keys"),
+        (lambda: scene.update_transform(0, good[:0], times=[]), "there are no keys"),
         (lambda: scene.update_transform(0, np.eye(4), times=[0]), r"expected \(k, 4, 4\)"),
-        (lambda: scene.update_transform(0, mirrored), "keys 0 and 1 the map is singular"),
+        (
+            lambda: scene.update_transform(0, mirrored, times=[0, 1, 2]),
+            "keys 0 and 1 the map is singular",
+        ),
         (lambda: scene.cast_rays([0, 0, 0, 0, 0, 1], times=np.nan), "times is nan"),
         (
             lambda: scene.cast_rays(np.ones((2, 3, 6)), times=[[0, 0, 0], [0, np.nan, 0]]),
@@ -310,7 +426,7 @@ def test_keys_too_close_for_the_span_of_all_are_warned_about():
     scene.add_instance(ball, np.stack([placed(20), placed(17)]), times=[epoch, epoch + 0.1])
     ray = [0, 0, 0, 1, 0, 0]
     assert np.isclose(scene.cast_rays(ray, t_min=2, times=epoch + 0.05).t_hit, 17.5)
-    scene.add_instance(ball, np.stack([placed(-90), placed(-91)]))
+    scene.add_instance(ball, np.stack([placed(-90), placed(-91)]), times=[0, 1])
     with pytest.warns(UserWarning, match="only 0.1.* apart; give all times from"):
         scene.cast_rays(ray, t_min=2, times=epoch + 0.05)
 

@@ -346,3 +346,41 @@ def test_ctrl_c_interrupts(rng, count):
             snell.closest_pair(a, b, transform_a=poses if count > 1 else None)
     timer.join()
     assert snell.closest_pair(a, b, transform_a=at(3, 0, 0)).distance > 0.9
+
+
+def test_pairs_have_the_names_and_paths_of_their_things():
+    wheel, car, street, pole = (snell.Scene() for _ in range(4))
+    wheel.add_shape("box", name="tyre", **CUBE)
+    car.add_shape("box", name="body", **CUBE)
+    away = np.eye(4)
+    away[0, 3] = 3
+    car.add_instance(wheel, away, "front")
+    away[0, 3] = -3
+    car.add_instance(wheel, away)
+    street.add_instance(car, name="taxi")
+    pole.add_shape("box", min=[0, 0, 0], max=[0.1, 0.1, 9])
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[:, 0, 3] = [5, -5, 1.2, 1e9]
+    pairs = snell.closest_pair(pole, street, transform_a=poses, max_distance=100)
+    assert pairs.names.tolist() == [
+        ["", "taxi/front/tyre"],
+        ["", "taxi/2/tyre"],
+        ["", "taxi/body"],
+        ["", ""],
+    ]
+    none = snell.INVALID_ID
+    assert pairs.instance_paths.tolist() == [
+        [[none, none], [0, 1]],
+        [[none, none], [0, 2]],
+        [[none, none], [0, none]],
+        [[none, none], [none, none]],
+    ]
+    assert pairs.instance_ids[:, 1].tolist() == [0, 0, 0, none]
+    # They are those of hits.
+    hit = street.cast_rays([9, 0.5, 0.5, -1, 0, 0])
+    assert hit.names == pairs.names[0, 1]
+    assert (hit.instance_paths == pairs.instance_paths[0, 1]).all()
+    alone = snell.closest_pair(pole, street)
+    assert alone.names.shape == (2,) and alone.instance_paths.shape == (2, 2)
+    flat = snell.closest_pair(pole, pole)
+    assert flat.instance_paths.shape == (2, 0) and flat.names.tolist() == ["", ""]

@@ -383,3 +383,15 @@ def test_unknown_options_are_pointed_out():
 def test_a_file_that_is_not_there():
     with pytest.raises(FileNotFoundError, match=r"'none\.gltf'"):
         snell.render(pathlib.Path("none.gltf"))
+
+
+def test_short_renders_report_their_end(box):
+    for spp, size in ((1, (4, 4)), (16, (32, 32))):
+        told: list[tuple[float, int]] = []
+        report = lambda share, rays: told.append((share, rays))  # noqa: B023, E731
+        snell.render("cornell-box", spp=spp, size=size, progress=report)
+        assert told and told[-1][0] == 1 and told[-1][1] > 0
+        assert [share for share, _ in told] == sorted(share for share, _ in told)
+    told = []
+    pictures = snell.render_iter("cornell-box", spp=16, size=(8, 8), progress=report)
+    assert len(list(pictures)) == 3

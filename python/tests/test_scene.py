@@ -328,3 +328,31 @@ def test_what_an_open_pbr_says_of_emission_and_opacity_counts() -> None:
     brighter = lamp.replace(emission_luminance=8)
     assert brighter.emission == (8.0, 8.0, 8.0) and brighter.alpha == 0.5
     assert snell.Material("open-pbr", emission=2).emission == (2.0, 2.0, 2.0)
+
+
+def test_deeply_nested_scenes_are_pickled():
+    inner = snell.Scene()
+    inner.add_shape("sphere", radius=1)
+    step = np.eye(4)
+    step[0, 3] = 1
+    for _ in range(400):
+        outer = snell.Scene()
+        outer.add_instance(inner, step)
+        inner = outer
+    again = pickle.loads(pickle.dumps(inner))
+    hits = again.cast_rays([400, 0, 9, 0, 0, -1])
+    assert hits.t_hit == 8 and hits.instance_paths.shape == (400,)
+
+
+def test_scenes_that_are_shared_are_pickled_once():
+    inner = snell.Scene()
+    inner.add_mesh(np.random.default_rng(0).random((3000, 3)), np.arange(3000).reshape(-1, 3))
+    outer, more = snell.Scene(), snell.Scene()
+    outer.add_instances(inner, np.tile(np.eye(4), (50, 1, 1)))
+    more.add_instance(outer)
+    more.add_instance(inner)
+    stored = pickle.dumps(more)
+    assert len(stored) < 3 * 3000 * 24
+    again = pickle.loads(stored)
+    assert again.bounds.tolist() == more.bounds.tolist()
+    assert again.instance(1).mesh(0).vertices.shape == (3000, 3)

@@ -64,7 +64,7 @@ def test_what_cannot_be_changed_says_what_can(scene):
             setattr(scene, name, [])
     light = snell.Light("point", position=(0, 3, 0), intensity=1)
     for thing, name, remedy in [
-        (scene.cameras[0], "fov", "make another"),
+        (scene.cameras[0], "fov", r"replace\(fov=…\) makes another"),
         (light, "intensity", r"replace\(intensity=…\) makes another"),
         (scene.cast_rays([0, 0, 5, 0, 0, -1]), "t_hit", "a copy of the array"),
         (scene.mesh(scene.add_mesh(QUAD, FACES)), "uvs", "update_vertices"),

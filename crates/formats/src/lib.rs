@@ -19,6 +19,7 @@ pub mod limits;
 pub mod memory;
 pub mod mesh;
 pub mod open;
+pub mod points;
 pub mod scene;
 mod search;
 mod sources;
@@ -31,6 +32,7 @@ pub mod write;
 pub use error::{Place, ReadError, WriteError};
 pub use input::Input;
 pub use limits::Limits;
+pub use points::{PointTable, read_points};
 pub use sources::Sources;
 pub use write::{SceneWriter, Written, check_scene_path, write_scene, write_scene_as};
 

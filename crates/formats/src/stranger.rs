@@ -16,14 +16,13 @@ pub(crate) fn known_kind(bytes: &[u8], extension: &str) -> Option<(String, &'sta
     }
     const CONVERT: &str = "convert it to glTF, for example with Blender";
     const SURFACES: &str = "convert it to glTF or STL, for example with FreeCAD";
-    let by_content: [(&[u8], &str, &str); 9] = [
+    let by_content: [(&[u8], &str, &str); 8] = [
         (b"Kaydara FBX Binary", "FBX", CONVERT),
         (b"; FBX", "FBX", CONVERT),
         (b"BLENDER", "Blender", "export it as glTF from Blender"),
         (b"Ogawa", "Alembic", CONVERT),
         (b"#VRML", "VRML", CONVERT),
         (b"ISO-10303-21", "STEP or IFC", SURFACES),
-        (b"# .PCD", "PCD", "make a mesh of the points, for example with MeshLab"),
         (b"Extended Binary", "3D Studio", CONVERT),
         (b"M3DFILE", "Maxwell", CONVERT),
     ];
@@ -48,7 +47,6 @@ pub(crate) fn known_kind(bytes: &[u8], extension: &str) -> Option<(String, &'sta
         ("ifc", "IFC", SURFACES),
         ("splat", "Gaussian splats", "there are no surfaces in it"),
         ("spz", "Gaussian splats", "there are no surfaces in it"),
-        ("pcd", "PCD", "make a mesh of the points, for example with MeshLab"),
         ("las", "LAS", "make a mesh of the points, for example with CloudCompare"),
         ("laz", "LAS", "make a mesh of the points, for example with CloudCompare"),
         ("vdb", "OpenVDB", "convert it to NanoVDB with nanovdb_convert"),

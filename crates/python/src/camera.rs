@@ -1,6 +1,7 @@
 //! The class `Camera`.
 
 use crate::cameras::rays_of;
+use crate::names::Name;
 use crate::schema::{References, family, kind_of, make, read, read_all, show};
 use crate::value::Value;
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -61,6 +62,20 @@ fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
         },
         _ => Err(PyTypeError::new_err(format!("{name}: expected 3 numbers"))),
     }
+}
+
+/// The parameters of a camera or a projection.
+fn fields_of<'py>(
+    py: Python<'py>,
+    of: &impl serde::Serialize,
+) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
+    let Value::Fields(fields) = Value::of(of).map_err(PyTypeError::new_err)? else {
+        return Ok(Vec::new());
+    };
+    let others = fields.iter().filter(|(key, _)| *key != "projection");
+    others
+        .map(|(key, value)| Ok((key.to_string(), show(py, value, &References::default())?)))
+        .collect()
 }
 
 fn at_least(value: f64, low: f64, name: &str) -> PyResult<f64> {
@@ -154,7 +169,7 @@ impl Camera {
         aperture_radius: f64,
         focus_distance: Option<f64>,
         resolution: Option<[u32; 2]>,
-        name: Option<String>,
+        name: Option<Name>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let projection = self::projection(eye.py(), projection, fov, parameters)?;
@@ -184,8 +199,102 @@ impl Camera {
             camera.focus_distance = at_least(distance, f64::MIN_POSITIVE, "focus_distance")?;
         }
         camera.resolution = made_for(resolution, &camera.projection)?;
-        camera.name = name.unwrap_or_default();
+        camera.name = name.map_or(String::new(), |name| name.0);
         Ok(Self(camera))
+    }
+
+    /// A copy with other parameters; what is not given stays. A new `eye` keeps the direction of
+    /// view, and `target` or `towards` turn the camera. A `fov`, or other parameters of the
+    /// projection, stand for its own.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> camera = snell.Camera(eye=(0, 0, 5), target=(0, 0, 0), fov=30, name="front")
+    /// >>> other = camera.replace(eye=(1, 0, 5), resolution=(64, 48))
+    /// >>> other.eye, other.towards, other.resolution, other.name
+    /// ((1.0, 0.0, 5.0), (0.0, 0.0, -1.0), (64, 48), 'front')
+    #[pyo3(signature = (
+        *, eye=None, target=None, towards=None, up=None, fov=None, aperture_radius=None,
+        focus_distance=None, resolution=None, name=None, **parameters
+    ))]
+    fn replace(
+        &self,
+        py: Python<'_>,
+        eye: Option<&Bound<'_, PyAny>>,
+        target: Option<&Bound<'_, PyAny>>,
+        towards: Option<&Bound<'_, PyAny>>,
+        up: Option<&Bound<'_, PyAny>>,
+        fov: Option<f64>,
+        aperture_radius: Option<f64>,
+        focus_distance: Option<f64>,
+        resolution: Option<[u32; 2]>,
+        name: Option<Name>,
+        parameters: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let old = &self.0;
+        let changes = parameters.filter(|changes| !changes.is_empty());
+        let projection = match (fov, changes) {
+            (None, None) => old.projection,
+            _ => {
+                let kind: String = self.kind(py)?.extract()?;
+                let all = PyDict::new(py);
+                if fov.is_none() {
+                    for (key, value) in fields_of(py, &old.projection)? {
+                        all.set_item(key, value)?;
+                    }
+                }
+                changes.map_or(Ok(()), |changes| all.update(changes.as_mapping()))?;
+                self::projection(py, &kind, fov, Some(&all))?
+            }
+        };
+        let eye = eye.map_or(Ok(old.eye), |eye| vector(eye, "eye"))?;
+        let towards = match (target, towards) {
+            (Some(_), Some(_)) => {
+                return Err(PyTypeError::new_err("a camera takes target or towards, not both"));
+            }
+            (Some(target), None) => vector(target, "target")? - eye,
+            (None, Some(towards)) => vector(towards, "towards")?,
+            (None, None) => old.towards,
+        };
+        if target.is_some() && towards == DVec3::ZERO {
+            let message = "target is where eye is, expected another point";
+            return Err(PyValueError::new_err(message));
+        }
+        let up = up.map_or(Ok(old.up), |up| vector(up, "up"))?;
+        let mut camera = snell_scene::Camera { projection, ..old.clone() };
+        if (eye, towards, up) != (old.eye, old.towards, old.up) {
+            let projection = camera.projection;
+            let placed = snell_scene::Camera::from_direction(eye, towards, up, projection);
+            (camera.eye, camera.towards, camera.up) = (placed.eye, placed.towards, placed.up);
+        }
+        if target.is_some() {
+            camera.focus_distance = towards.length();
+        }
+        if let Some(radius) = aperture_radius {
+            camera.aperture_radius = at_least(radius, 0.0, "aperture_radius")?;
+        }
+        if let Some(distance) = focus_distance {
+            camera.focus_distance = at_least(distance, f64::MIN_POSITIVE, "focus_distance")?;
+        }
+        let kept = resolution.or(match changes {
+            None => old.resolution,
+            Some(_) => None,
+        });
+        camera.resolution = made_for(kept, &camera.projection)?.or(old.resolution);
+        if let Some(name) = name {
+            camera.name = name.0;
+        }
+        Ok(Self(camera))
+    }
+
+    /// The same as :meth:`replace`, for :func:`copy.replace`.
+    #[pyo3(signature = (**changes))]
+    fn __replace__<'py>(
+        slf: Bound<'py, Self>,
+        changes: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        slf.getattr("replace")?.call((), changes)
     }
 
     /// The projection, one of :data:`PROJECTIONS`.
@@ -200,12 +309,9 @@ impl Camera {
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
-        let parts = [Value::of(&self.0), Value::of(&self.0.projection)];
-        for part in parts {
-            let Value::Fields(fields) = part.map_err(PyTypeError::new_err)? else { continue };
-            for (key, value) in fields.iter().filter(|(key, _)| key != "projection") {
-                all.set_item(key, show(py, value, &References::default())?)?;
-            }
+        let parts = [fields_of(py, &self.0)?, fields_of(py, &self.0.projection)?];
+        for (key, value) in parts.into_iter().flatten() {
+            all.set_item(key, value)?;
         }
         Ok(all)
     }
@@ -274,7 +380,7 @@ impl Camera {
 
     fn __setattr__(&self, name: &str, _value: &Bound<'_, PyAny>) -> PyResult<()> {
         Err(pyo3::exceptions::PyAttributeError::new_err(format!(
-            "{name}: a camera never changes; make another one"
+            "{name}: a camera never changes; replace({name}=…) makes another one"
         )))
     }
 

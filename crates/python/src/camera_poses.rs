@@ -2,10 +2,11 @@
 
 use crate::arrays::{array, contiguous, from_vec, shown, slice, whole};
 use crate::camera::{Camera, made_for, projection};
+use crate::names::Name;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use snell_math::{DMat3, DMat4, DVec3};
+use snell_math::{DMat3, DMat4, DVec3, DVec4};
 use snell_scene::Projection;
 use snell_scene::camera::{CameraAxes, Intrinsics};
 
@@ -64,6 +65,37 @@ fn matrix4(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DMat4> {
     let mut all = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     all[..rows.len()].copy_from_slice(&rows);
     Ok(DMat4::from_cols_array(&all).transpose())
+}
+
+/// The largest difference from perpendicular axes of one length: digits that are rounded in a file.
+const RIGID: f64 = 1e-3;
+
+/// Fails if the axes of a pose are not perpendicular, or, if the pose must not scale, not of length
+/// 1: then it is something else, or its numbers are wrong.
+fn check_pose(pose: DMat4, may_scale: bool, name: &str) -> PyResult<DMat4> {
+    let is_affine = pose.row(3) == DVec4::W;
+    if !is_affine {
+        // The camera itself refuses it.
+        return Ok(pose);
+    }
+    let axes = [0, 1, 2].map(|i| pose.col(i).truncate());
+    let lengths = axes.map(DVec3::length);
+    let is_sheared = [(0, 1), (1, 2), (2, 0)]
+        .iter()
+        .any(|&(i, j)| axes[i].dot(axes[j]).abs() > RIGID * lengths[i] * lengths[j]);
+    if is_sheared {
+        return Err(PyValueError::new_err(format!(
+            "{name}: its axes (the first three columns) are not perpendicular, expected a rotation"
+        )));
+    }
+    if !may_scale && lengths.iter().any(|length| (length - 1.0).abs() > RIGID) {
+        return Err(PyValueError::new_err(format!(
+            "{name}: its axes (the first three columns) have the lengths {}, {} and {}, expected 1; \
+             divide the scale out",
+            lengths[0], lengths[1], lengths[2]
+        )));
+    }
+    Ok(pose)
 }
 
 /// The rotation of a vector whose length is the angle in radians.
@@ -144,7 +176,7 @@ impl Camera {
         rvec: Option<&Bound<'_, PyAny>>,
         tvec: Option<&Bound<'_, PyAny>>,
         fisheye: Option<&Bound<'_, PyAny>>,
-        name: Option<String>,
+        name: Option<Name>,
     ) -> PyResult<Self> {
         let k = numbers(K, "K", &[&[3, 3]])?;
         if k[3] != 0.0 || k[6..] != [0.0, 0.0, 1.0] || k[0] == 0.0 || k[4] == 0.0 {
@@ -152,6 +184,13 @@ impl Camera {
                 "K: expected [[fx, s, cx], [0, fy, cy], [0, 0, 1]] with fx and fy not 0 \
                  (transpose it if cx and cy are in the last row)",
             ));
+        }
+        if k[0] < 0.0 || k[4] < 0.0 {
+            return Err(PyValueError::new_err(format!(
+                "K: fx is {} and fy is {}, expected positive numbers; a picture that is mirrored or \
+                 upside down has another pose",
+                k[0], k[4]
+            )));
         }
         let size = size.and_then(pixels).ok_or_else(|| {
             let given = size.and_then(|size| size.repr().ok());
@@ -161,6 +200,18 @@ impl Camera {
                     numbers from 1"
             ))
         })?;
+        // Wider than 178 degrees: a matrix in other units than pixels.
+        let widest = 100.0 * k[0].max(k[4]);
+        if fisheye.is_none() && widest < f64::from(size[0].max(size[1])) {
+            crate::encoding::warn(
+                K.py(),
+                format!(
+                    "K: fx is {} and fy is {} for a picture of {} x {} pixels; if they are relative \
+                     to its size, multiply the first row by the width and the second by the height",
+                    k[0], k[4], size[0], size[1]
+                ),
+            )?;
+        }
         if distortion.is_some() && fisheye.is_some() {
             return Err(PyTypeError::new_err("a lens takes distortion or fisheye, not both"));
         }
@@ -183,12 +234,12 @@ impl Camera {
                 snell_scene::Camera::from_matrix(DMat4::IDENTITY, CameraAxes::OpenCv, projection)
             }
             (Some(pose), None, None, None) => snell_scene::Camera::from_matrix(
-                matrix4(pose, "T_world_cam")?,
+                check_pose(matrix4(pose, "T_world_cam")?, false, "T_world_cam")?,
                 CameraAxes::OpenCv,
                 projection,
             ),
             (None, Some(extrinsic), None, None) => snell_scene::Camera::from_extrinsics(
-                matrix4(extrinsic, "T_cam_world")?,
+                check_pose(matrix4(extrinsic, "T_cam_world")?, false, "T_cam_world")?,
                 CameraAxes::OpenCv,
                 projection,
             ),
@@ -206,7 +257,7 @@ impl Camera {
         }
         .map_err(|error| PyValueError::new_err(error.to_string()))?;
         camera.resolution = Some(size);
-        camera.name = name.unwrap_or_default();
+        camera.name = name.map_or(String::new(), |name| name.0);
         Ok(Self(camera))
     }
 
@@ -215,7 +266,8 @@ impl Camera {
     /// Parameters
     /// ----------
     /// T_world_cam : array (4, 4)
-    ///     The matrix from the camera's own axes to the world. Its scale is ignored.
+    ///     The matrix from the camera's own axes to the world: a rotation and a place. A scale is
+    ///     ignored.
     /// axes : str
     ///     What those axes are: `"opengl"` or `"blender"` (x right, y up, -z forward), `"opencv"`
     ///     (x right, y down, z forward; ROS' optical frames, too) or `"ros"` (x forward, y left, z
@@ -244,15 +296,15 @@ impl Camera {
         projection: &str,
         fov: Option<f64>,
         resolution: Option<[u32; 2]>,
-        name: Option<String>,
+        name: Option<Name>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let projection = self::projection(py, projection, fov, parameters)?;
-        let pose = matrix4(T_world_cam, "T_world_cam")?;
+        let pose = check_pose(matrix4(T_world_cam, "T_world_cam")?, true, "T_world_cam")?;
         let mut camera = snell_scene::Camera::from_matrix(pose, self::axes(axes)?, projection)
             .map_err(|error| PyValueError::new_err(error.to_string()))?;
         camera.resolution = made_for(resolution, &camera.projection)?;
-        camera.name = name.unwrap_or_default();
+        camera.name = name.map_or(String::new(), |name| name.0);
         Ok(Self(camera))
     }
 

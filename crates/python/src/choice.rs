@@ -7,7 +7,7 @@ use crate::names::{choice, suggestion};
 use crate::precision::Precision;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyInt, PyString};
+use pyo3::types::{PyBool, PyByteArray, PyBytes, PyInt, PyString};
 use snell_intersect::{AcceptAll, Both, DHit, Double, Hit, HitFilter, Side, Single};
 use snell_math::{DRay, Ray};
 use std::collections::HashSet;
@@ -111,11 +111,21 @@ impl Selection {
             return Ok(selection);
         }
         let wrong = || {
+            // The items of bytes are numbers, which would be taken as ids.
+            if value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyByteArray>() {
+                let found = crate::settings::shown(value);
+                return PyTypeError::new_err(format!(
+                    "{argument} is {found}, expected a text as a name; .decode() makes one of bytes"
+                ));
+            }
             let kind = value.get_type();
             PyTypeError::new_err(format!(
                 "{argument} is of type {kind}, expected an id, a name, or a list of these"
             ))
         };
+        if value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyByteArray>() {
+            return Err(wrong());
+        }
         let items = value.try_iter().map_err(|_| wrong())?;
         for (i, item) in items.enumerate() {
             selection.add(&item?, &format!("{argument}[{i}]"), contents)?;

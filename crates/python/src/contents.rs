@@ -110,6 +110,8 @@ pub struct Nodes {
     pub nodes: Vec<Node>,
     /// The root of the file.
     pub root: NodeId,
+    /// The animation of the file.
+    pub motion: Option<Arc<snell_scene::Motion>>,
     /// The objects that the nodes became.
     pub origins: Origins,
 }

@@ -37,8 +37,9 @@ pub fn graph_with_origins(
 ) -> Result<(Scene, Origins), String> {
     let mut scene = Scene::clone(&contents.stage);
     if let Some(nodes) = contents.nodes() {
-        let Nodes { nodes, root, origins } = &**nodes;
+        let Nodes { nodes, root, motion, origins } = &**nodes;
         (scene.nodes, scene.root) = (nodes.clone(), *root);
+        scene.motion.clone_from(motion);
         return Ok((scene, origins.clone()));
     }
     // A motion of the file is that of its nodes.
@@ -118,15 +119,13 @@ impl Writer {
         };
         for (id, object) in contents.objects() {
             let (mut inner, mut below, mut numbers) = (None, None, None);
+            // The map from the coordinates of what the node holds.
             let mut own = Transform::IDENTITY;
             let mut node = Node::named(object.name.as_deref().unwrap_or_default());
-            let placed = object.transform.unwrap_or(Transform::IDENTITY);
-            node.transform = *placed.matrix();
             match &object.kind {
                 Kind::Mesh(given) => {
                     let mesh;
                     (mesh, own) = self.mesh(given);
-                    node.transform = *placed.compose(&own).matrix();
                     node.surfaces.push(Surface {
                         geometry: Geometry::Mesh(mesh),
                         materials: materials(object),
@@ -134,8 +133,8 @@ impl Writer {
                 }
                 Kind::Heightfield(field) => {
                     let triangles = field.triangles();
-                    let (mesh, own) = self.mesh(&triangles.mesh);
-                    node.transform = *placed.compose(&own).matrix();
+                    let mesh;
+                    (mesh, own) = self.mesh(&triangles.mesh);
                     numbers.clone_from(&triangles.numbers);
                     node.surfaces.push(Surface {
                         geometry: Geometry::Mesh(mesh),
@@ -149,7 +148,6 @@ impl Writer {
                 Kind::Curves(given) => {
                     let curves;
                     (curves, own) = centered(given);
-                    node.transform = *placed.compose(&own).matrix();
                     let geometry = Geometry::Curves(curves);
                     node.surfaces.push(Surface { geometry, materials: materials(object) });
                 }
@@ -163,8 +161,24 @@ impl Writer {
                     below = node.children.first().copied();
                 }
             }
-            let node = self.scene.add_child(parent, node);
-            self.moving.extend(object.motion.as_ref().map(|motion| (node, motion.composed(&own))));
+            let placed = object.transform.unwrap_or(Transform::IDENTITY);
+            let node = match &object.motion {
+                // Keys are those of the object, so what is not at its origin is a node below.
+                Some(motion) if !own.is_identity() => {
+                    let mut moving = Node::named(node.name.as_str());
+                    moving.transform = *placed.matrix();
+                    let moving = self.scene.add_child(parent, moving);
+                    self.moving.push((moving, motion.smooth().clone()));
+                    node.transform = *own.matrix();
+                    self.scene.add_child(moving, node)
+                }
+                motion => {
+                    node.transform = *placed.compose(&own).matrix();
+                    let node = self.scene.add_child(parent, node);
+                    self.moving.extend(motion.iter().map(|m| (node, m.smooth().clone())));
+                    node
+                }
+            };
             self.origins.first.insert(node, id);
             numbers.map(|numbers| self.origins.triangles.insert(node, numbers));
             inner.map(|inner| self.origins.inner.insert((node, 0), inner));

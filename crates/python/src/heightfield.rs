@@ -2,6 +2,7 @@
 
 use crate::arrays::{contiguous, from_vec, shown, slice};
 use crate::mesh::{Attributes, Mesh, Positions};
+use crate::names::choice;
 use crate::place::named_transform;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -119,6 +120,7 @@ pub fn field(
     z: &Bound<'_, PyAny>,
     transform: Option<&Bound<'_, PyAny>>,
     is_smooth: bool,
+    is_closed: bool,
 ) -> PyResult<Field> {
     let py = z.py();
     let placed = match transform {
@@ -130,7 +132,14 @@ pub fn field(
     };
     let (rows, columns, heights) = heights(z)?;
     let made = py.detach(|| Heightfield::new(rows, columns, heights, *placed.matrix()));
-    Ok(Field::new(made.map_err(|error| problem(&error))?, is_smooth))
+    let made = made.map_err(|error| problem(&error))?;
+    Ok(Field::new(made.with_closed_border(is_closed), is_smooth))
+}
+
+/// Reads the argument `edges`: whether the border of the surface belongs to it.
+pub fn is_closed(edges: &str) -> PyResult<bool> {
+    choice("edges", edges, &[("open", false), ("closed", true)], |(name, _)| name)
+        .map(|(_, is_closed)| is_closed)
 }
 
 /// A copy of a heightfield with other heights.

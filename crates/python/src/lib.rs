@@ -7,9 +7,11 @@
 
 #![forbid(unsafe_code)]
 
+mod animated;
 mod answers;
 mod arrays;
 mod assemble;
+mod bake;
 mod camera;
 mod camera_poses;
 mod cameras;
@@ -39,6 +41,7 @@ mod pairs;
 mod palette;
 mod pickle;
 mod place;
+mod points;
 mod precision;
 mod prepare;
 mod progress;
@@ -87,11 +90,13 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(texture::_restore_pattern, module)?)?;
     module.add_function(wrap_pyfunction!(medium::_restore_medium, module)?)?;
     module.add_function(wrap_pyfunction!(file::_write_file, module)?)?;
+    module.add_function(wrap_pyfunction!(points::_load_points, module)?)?;
     module.add_function(wrap_pyfunction!(surroundings::_upright, module)?)?;
     module.add_class::<view::View>()?;
     module.add_function(wrap_pyfunction!(settings::_render_settings, module)?)?;
     module.add_function(wrap_pyfunction!(view::_explain, module)?)?;
     module.add_function(wrap_pyfunction!(view::_view, module)?)?;
+    module.add_function(wrap_pyfunction!(bake::_irradiance, module)?)?;
     module.add_function(wrap_pyfunction!(pairs::_closest_pair, module)?)?;
     module.add_function(wrap_pyfunction!(pairs::_collides, module)?)?;
     module.add_function(wrap_pyfunction!(pairs::_time_of_impact, module)?)?;

@@ -2,11 +2,13 @@
 //!
 //! A node with one parent is flattened into the scene: its surfaces become objects with the
 //! transform of the node. A node or mesh that is used several times becomes a scene of its own,
-//! which is instanced.
+//! which is instanced. So does a node that moves, unless it holds a single object.
 
+use crate::animated::Animation;
 use crate::contents::{Contents, Kind, Nodes, Object, Slot};
 use crate::memory::admit_all;
 use crate::mesh::Mesh;
+use crate::motion::Motion;
 use crate::origins::Origins;
 use crate::scene::Scene;
 use crate::work::{Threads, run_to_end_on};
@@ -108,10 +110,20 @@ fn check_memory(scene: &Graph) -> PyResult<()> {
 /// Converts a scene graph to the contents of a scene.
 pub fn fold(mut scene: Graph) -> Result<Contents, String> {
     let nodes = std::mem::take(&mut scene.nodes);
-    let stage = Arc::new(scene.clone());
+    let stage = scene.clone();
     scene.nodes = nodes;
-    let (mut contents, origins) = Folder::fold(&scene, stage)?;
-    contents.set_nodes(Nodes { nodes: scene.nodes, root: scene.root, origins });
+    let animation = Animation::of(&scene).filter(|animation| !animation.nodes.is_empty());
+    let moving = animation.and_then(|Animation { nodes, rest }| {
+        let stage = Arc::new(Graph { motion: rest, ..stage.clone() });
+        // Nodes that move may be nested deeper than scenes.
+        Folder::fold(&scene, stage, &nodes).ok()
+    });
+    let (mut contents, origins) = match moving {
+        Some(folded) => folded,
+        None => Folder::fold(&scene, Arc::new(stage), &HashMap::new())?,
+    };
+    let Graph { nodes, root, motion, .. } = scene;
+    contents.set_nodes(Nodes { nodes, root, motion, origins });
     Ok(contents)
 }
 
@@ -120,8 +132,12 @@ struct Folder<'a> {
     scene: &'a Graph,
     parents: Vec<u32>,
     uses: HashMap<*const TriangleMesh, u32>,
-    /// Scenes for nodes with several parents.
+    /// The nodes that move.
+    moving: &'a HashMap<NodeId, Motion>,
+    /// Scenes for nodes with several parents, and for nodes that move.
     nodes: HashMap<NodeId, Arc<Contents>>,
+    /// The objects of nodes that move and have one parent, until their place is known.
+    apart: HashMap<NodeId, Origins>,
     /// Scenes for meshes with several uses.
     meshes: HashMap<MeshUse, Arc<Contents>>,
     /// The materials, lights and cameras that all scenes share.
@@ -145,7 +161,11 @@ fn slots(surface: &Surface, inherited: Option<MaterialId>) -> Vec<Option<Materia
 }
 
 impl<'a> Folder<'a> {
-    fn fold(scene: &'a Graph, stage: Arc<Graph>) -> Result<(Contents, Origins), String> {
+    fn fold(
+        scene: &'a Graph,
+        stage: Arc<Graph>,
+        moving: &'a HashMap<NodeId, Motion>,
+    ) -> Result<(Contents, Origins), String> {
         let order = scene.topological_order().map_err(|e| e.to_string())?;
         let (mut parents, mut uses) = (vec![0; scene.nodes.len()], HashMap::new());
         for id in &order {
@@ -162,16 +182,26 @@ impl<'a> Folder<'a> {
             scene,
             parents,
             uses,
+            moving,
             nodes: HashMap::new(),
+            apart: HashMap::new(),
             meshes: HashMap::new(),
             stage,
             origins: Origins::default(),
         };
         // Children are converted before their parents.
         for id in order.into_iter().filter(|&id| id != scene.root) {
-            if folder.parents[id.index()] > 1 {
-                let contents = folder.contents(id, Transform::IDENTITY)?;
-                folder.nodes.insert(id, Arc::new(contents));
+            let (is_shared, moves) = (folder.parents[id.index()] > 1, moving.contains_key(&id));
+            if !is_shared && !moves {
+                continue;
+            }
+            let known = std::mem::take(&mut folder.origins);
+            let contents = folder.contents(id, Transform::IDENTITY)?;
+            folder.nodes.insert(id, Arc::new(contents));
+            let own = std::mem::replace(&mut folder.origins, known);
+            match is_shared {
+                true => folder.origins.extend(own),
+                false => drop(folder.apart.insert(id, own)),
             }
         }
         let contents = match Transform::new(scene.nodes[scene.root.index()].transform) {
@@ -232,6 +262,16 @@ impl<'a> Folder<'a> {
             }
             // The children are pushed in reverse, so that the first child is folded first.
             for &child in node.children.iter().rev() {
+                if let Some(motion) = self.moving.get(&child) {
+                    let (object, is_alone) = self.moving_object(child, motion, &placed, material);
+                    let object = add(object)?;
+                    let own = self.apart.remove(&child).unwrap_or_default();
+                    self.origins.extend(if is_alone { own.renumbered(object) } else { own });
+                    if !is_alone {
+                        self.origins.steps.insert((id, child), object);
+                    }
+                    continue;
+                }
                 let Some(node_from_child) =
                     Transform::new(self.scene.nodes[child.index()].transform)
                 else {
@@ -252,5 +292,60 @@ impl<'a> Folder<'a> {
             }
         }
         Ok(contents)
+    }
+
+    /// The object for a node that moves below a node that is `placed`, and true if it is the only
+    /// object of the node instead of an instance.
+    fn moving_object(
+        &self,
+        id: NodeId,
+        motion: &Motion,
+        placed: &Transform,
+        material: Option<MaterialId>,
+    ) -> (Object, bool) {
+        let Some(inner) = self.nodes.get(&id) else { unreachable!("children come first") };
+        let mut all = inner.objects();
+        let alone = match (all.next(), all.next()) {
+            (Some((_, object)), None) => Some(object),
+            _ => None,
+        };
+        let rests = |object: &Object| {
+            object.motion.is_none() && object.transform.is_none_or(|map| map.is_identity())
+        };
+        let name = &self.scene.nodes[id.index()].name;
+        // Two names need two objects.
+        let is_one = |own: &Option<Arc<str>>| own.as_deref().is_none_or(|own| own == name.as_str());
+        let alone = alone.filter(|object| rests(object));
+        let alone = alone.filter(|object| name.is_empty() || is_one(&object.name));
+        // Between keys, only maps that keep angles may be composed with keys.
+        let composed = motion.below(placed);
+        if let (Some(object), Some(moved), true) = (alone, &composed, self.apart.contains_key(&id))
+        {
+            let mut object = object.clone();
+            if !name.is_empty() {
+                object.name = Some(name.as_str().into());
+            }
+            for slot in &mut object.materials {
+                *slot = slot.or(material);
+            }
+            object.put(moved.clone().into());
+            return (object, true);
+        }
+        let named = |kind, transform| Object {
+            materials: vec![material],
+            ..Object::new(kind, transform, (!name.is_empty()).then(|| name.clone()))
+        };
+        let mut object = named(Kind::Instance(inner.clone()), None);
+        match composed {
+            Some(moved) => object.put(moved.into()),
+            None => {
+                object.put(motion.clone().into());
+                let mut outer = self.empty();
+                // Its nesting was checked when the node was folded, but for one more step.
+                let _ = outer.add(object);
+                object = named(Kind::Instance(Arc::new(outer)), Some(*placed));
+            }
+        }
+        (object, false)
     }
 }

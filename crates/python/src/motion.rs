@@ -63,15 +63,29 @@ impl Motion {
         &self.maps
     }
 
-    /// The motion for renderers and files, of something that `own` maps to the object's
-    /// coordinates.
-    pub fn composed(&self, own: &Transform) -> AnimatedTransform {
-        if own.is_identity() {
-            return self.smooth.clone();
+    /// The motion for renderers and files.
+    pub fn smooth(&self) -> &AnimatedTransform {
+        &self.smooth
+    }
+
+    /// The motion below something that is `placed`; `None` if that changes angles, so that the
+    /// motion between keys would be another.
+    pub fn below(&self, placed: &Transform) -> Option<Self> {
+        if placed.is_identity() {
+            return Some(self.clone());
         }
-        // Between close keys the centre of the rotation makes no difference.
-        let keys = self.fine.iter().map(|(time, map)| (*time, *map.compose(own).matrix()));
-        AnimatedTransform::new(keys)
+        let axes = placed.matrix().matrix3;
+        let products = (axes.transpose() * axes).to_cols_array_2d();
+        let size = products[0][0];
+        let keeps_angles = (0..9).all(|i| {
+            let expected = if i % 4 == 0 { size } else { 0.0 };
+            (products[i / 3][i % 3] - expected).abs() <= 1e-12 * size
+        });
+        if !keeps_angles {
+            return None;
+        }
+        let maps = self.maps.iter().map(|map| placed.compose(map)).collect();
+        Self::new(self.times.clone(), maps).ok()
     }
 
     /// The map at a time.
@@ -138,7 +152,7 @@ impl Axis {
             format!(
                 "times: the keys of all that moves span {:.6}, so times within {step:.1e} are one, \
                  but some keys are only {:.6} apart; give all times from about the start of the \
-                 motion, and also to what moves by keys without times, which are from 0 to 1",
+                 motion",
                 self.length, self.shortest
             )
         })

@@ -1,7 +1,27 @@
-//! Names from a list, and errors for unknown names.
+//! Names of things, names from a list, and errors for unknown names.
 
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyString;
+
+/// The argument `name` if it is given: a text.
+#[derive(Clone, Debug)]
+pub struct Name(pub String);
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Name {
+    type Error = PyErr;
+
+    fn extract(value: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let Ok(text) = value.cast::<PyString>() else {
+            let found = crate::settings::shown(&value);
+            return Err(PyTypeError::new_err(format!(
+                "name is {found}, expected a text, such as {:?}",
+                "left wheel"
+            )));
+        };
+        Ok(Self(text.to_str()?.to_string()))
+    }
+}
 
 /// The element of `all` whose name is `wanted`. Otherwise an error suggests the nearest name.
 pub fn choice<T: Copy>(

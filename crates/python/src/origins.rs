@@ -36,6 +36,22 @@ struct Ids {
 }
 
 impl Origins {
+    /// Adds those of other nodes.
+    pub fn extend(&mut self, other: Self) {
+        self.first.extend(other.first);
+        self.steps.extend(other.steps);
+        self.inner.extend(other.inner);
+        self.primitives.extend(other.primitives);
+        self.triangles.extend(other.triangles);
+    }
+
+    /// Those of nodes that are a single object, with this number in another scene.
+    pub fn renumbered(mut self, object: u32) -> Self {
+        let all = self.first.values_mut().chain(self.steps.values_mut());
+        all.for_each(|number| *number = object);
+        self
+    }
+
     /// The ids of the surface with this number of the last node of a path from the root.
     fn ids(&self, path: &[NodeId], surface: u32) -> Option<Ids> {
         let node = *path.last()?;

@@ -1,6 +1,6 @@
 //! Pairs of scenes: their distance, whether they collide, and when they will.
 
-use crate::arrays::{array, contiguous, from_vec, is_double, shown, slice};
+use crate::arrays::{array, contiguous, from_vec, is_double, numpy, shown, slice};
 use crate::contents::{Contents, Kind};
 use crate::memory::admit_all;
 use crate::scene::Scene;
@@ -33,16 +33,58 @@ const TOLERANCE: f64 = 1e-6;
 #[derive(Debug)]
 pub struct Pairs {
     scene: PairScene,
-    /// For each part, the number of its object in the scene that holds the object, and that of the
-    /// outermost instance.
-    names: Vec<[u32; 2]>,
+    /// What each part is.
+    names: Vec<PartName>,
+    /// The number of instances within each other.
+    depth: usize,
+}
+
+/// The object that a part is.
+#[derive(Clone, Debug)]
+struct PartName {
+    /// The number of the object in the scene that holds it.
+    object: u32,
+    name: Option<Arc<str>>,
+    /// The instances around it, the innermost first.
+    around: Option<Arc<Around>>,
+}
+
+/// An instance, and those around it.
+#[derive(Debug)]
+struct Around {
+    id: u32,
+    name: Option<Arc<str>>,
+    outer: Option<Arc<Self>>,
+}
+
+impl PartName {
+    /// The instances around the object, the outermost first.
+    fn instances(&self) -> Vec<&Around> {
+        let mut all: Vec<_> =
+            std::iter::successors(self.around.as_deref(), |step| step.outer.as_deref()).collect();
+        all.reverse();
+        all
+    }
+
+    /// The name as [`crate::assemble::Names::label`] gives it to hits.
+    fn label(&self) -> String {
+        let called = |name: &Option<Arc<str>>, id: u32| {
+            name.as_deref().map_or_else(|| id.to_string(), str::to_string)
+        };
+        let around = self.instances();
+        if around.is_empty() {
+            return self.name.as_deref().unwrap_or_default().to_string();
+        }
+        let around = around.into_iter().map(|step| called(&step.name, step.id));
+        around.chain([called(&self.name, self.object)]).collect::<Vec<_>>().join("/")
+    }
 }
 
 /// What is collected of a scene.
 #[derive(Default)]
 struct Collector {
     parts: Vec<(Arc<PairMesh>, DAffine3)>,
-    names: Vec<[u32; 2]>,
+    names: Vec<PartName>,
     shapes: HashMap<*const AnyShape, Arc<PairMesh>>,
     /// The number of objects so far.
     count: usize,
@@ -52,21 +94,21 @@ impl Pairs {
     /// Prepares a scene. Fails with what is wrong and what to do.
     pub fn new(contents: &Contents) -> Result<Self, String> {
         let mut collector = Collector::default();
-        collector.collect(contents, &Transform::IDENTITY, None)?;
+        collector.collect(contents, &Transform::IDENTITY, &None)?;
         let Collector { parts, names, .. } = collector;
         let scene = PairScene::new(parts).map_err(|e| e.to_string())?;
-        Ok(Self { scene, names })
+        let depth = names.iter().map(|name| name.instances().len()).max().unwrap_or(0);
+        Ok(Self { scene, names, depth })
     }
 }
 
 impl Collector {
-    /// Adds the objects of a scene with its place; `instance` is the outermost one that they are
-    /// in.
+    /// Adds the objects of a scene with its place, which is in the instances `around`.
     fn collect(
         &mut self,
         contents: &Contents,
         placed: &Transform,
-        instance: Option<u32>,
+        around: &Option<Arc<Around>>,
     ) -> Result<(), String> {
         for (number, object) in contents.objects() {
             self.count += 1;
@@ -83,7 +125,9 @@ impl Collector {
             let mesh = match &object.kind {
                 Kind::Mesh(mesh) => mesh.prepare_pairs().map_err(|e| e.to_string())?,
                 Kind::Instance(child) => {
-                    self.collect(child, &map, instance.or(Some(number)))?;
+                    let (name, outer) = (object.name.clone(), around.clone());
+                    let inner = Some(Arc::new(Around { id: number, name, outer }));
+                    self.collect(child, &map, &inner)?;
                     continue;
                 }
                 Kind::Shape(shape) => match self.shapes.get(&Arc::as_ptr(shape)) {
@@ -107,7 +151,8 @@ impl Collector {
                 }
             };
             self.parts.push((mesh, *map.matrix()));
-            self.names.push([number, instance.unwrap_or(Hit::NONE)]);
+            let (name, around) = (object.name.clone(), around.clone());
+            self.names.push(PartName { object: number, name, around });
         }
         Ok(())
     }
@@ -291,7 +336,8 @@ fn length(value: Option<f64>, default: f64, name: &str) -> PyResult<f64> {
     Err(PyValueError::new_err(format!("{name} is {value}, expected 0 or more")))
 }
 
-/// Distances, points `(..., 2, 3)`, and the ids `(..., 2)` of geometries, primitives and instances.
+/// Distances, points `(..., 2, 3)`, the ids `(..., 2)` of geometries, primitives and instances, the
+/// paths of instances `(..., 2, depth)`, and names `(..., 2)`.
 #[pyfunction]
 #[pyo3(signature = (a, b, transform_a, transform_b, max_distance, threads))]
 pub fn _closest_pair<'py>(
@@ -321,17 +367,37 @@ pub fn _closest_pair<'py>(
     };
     let name = |pair: &ClosestPair, side: usize| {
         let names = if side == 0 { &asked.a.names } else { &asked.b.names };
-        names[pair.parts[side] as usize]
+        &names[pair.parts[side] as usize]
     };
+    let sides = || found.iter().flat_map(|pair| [0, 1].map(|side| (pair.as_ref(), side)));
+    let paths: Vec<Vec<u32>> = sides()
+        .map(|(pair, side)| {
+            let instances = pair.map_or(Vec::new(), |pair| name(pair, side).instances());
+            instances.into_iter().map(|step| step.id).collect()
+        })
+        .collect();
+    let depth = asked.a.depth.max(asked.b.depth);
+    let padded = |path: &Vec<u32>| {
+        let mut row = vec![Hit::NONE; depth];
+        row[..path.len()].copy_from_slice(path);
+        row
+    };
+    let outermost = paths.iter().map(|path| path.first().copied().unwrap_or(Hit::NONE));
+    let labels = sides().map(|(pair, side)| pair.map(|pair| name(pair, side).label()));
     let two = [&asked.shape[..], &[2]].concat();
+    let labels: Vec<String> = labels.map(Option::unwrap_or_default).collect();
+    let labels =
+        numpy(py, "array")?.call1((labels, "U"))?.call_method1("reshape", (two.clone(),))?;
     PyTuple::new(
         py,
         [
             from_vec(py, distances.collect(), &asked.shape)?,
             from_vec(py, points.collect(), &[&asked.shape[..], &[2, 3]].concat())?,
-            from_vec(py, ids(&|pair, side| name(pair, side)[0]), &two)?,
+            from_vec(py, ids(&|pair, side| name(pair, side).object), &two)?,
             from_vec(py, ids(&|pair, side| pair.triangles[side]), &two)?,
-            from_vec(py, ids(&|pair, side| name(pair, side)[1]), &two)?,
+            from_vec(py, outermost.collect(), &two)?,
+            from_vec(py, paths.iter().flat_map(padded).collect(), &[&two[..], &[depth]].concat())?,
+            labels,
         ],
     )
 }

@@ -5,6 +5,7 @@ use crate::contents::{Contents, Kind, Object, Slot};
 use crate::objects;
 use crate::place::{Place, matrices, matrix, place};
 use crate::scene::Scene;
+use crate::state::Shared;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
@@ -13,42 +14,87 @@ use snell_formats::{Limits, ReadOptions, read_scene_bytes};
 use snell_intersect::{Curves, Spheres};
 use snell_math::{DVec4, Vec4};
 use snell_scene::{MaterialId, Node, NodeId, Scene as Graph, Warning};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The function and arguments that restore the scene.
+/// The function and arguments that restore the scene. Scenes that are instanced are in one list,
+/// not within each other, because Python's pickles do not nest deep.
 pub fn reduce<'py>(
     py: Python<'py>,
-    contents: &Contents,
+    contents: &Arc<Contents>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    let (mut stages, mut numbers) = (Vec::new(), HashMap::new());
     let mut children = HashMap::new();
-    let slots = PyList::empty(py);
-    for slot in &contents.slots {
-        match slot {
-            Slot::Gone(_) => slots.append(py.None())?,
-            Slot::Here(object) => slots.append(stored(py, object, &mut children)?)?,
+    let scenes = PyList::empty(py);
+    for scene in below(contents) {
+        let slots = PyList::empty(py);
+        for slot in &scene.slots {
+            match slot {
+                Slot::Gone(_) => slots.append(py.None())?,
+                Slot::Here(object) => slots.append(stored(py, object, &children)?)?,
+            }
         }
+        let stage = match numbers.get(&Arc::as_ptr(&scene.stage)) {
+            Some(&known) => known,
+            None => {
+                stages.push(stored_stage(py, &scene.stage)?);
+                numbers.insert(Arc::as_ptr(&scene.stage), stages.len() - 1);
+                stages.len() - 1
+            }
+        };
+        children.insert(Arc::as_ptr(scene), scenes.len());
+        scenes.append((slots, stage, scene.compact))?;
     }
-    // The stage is a scene file without objects.
-    let mut stage = Graph::clone(&contents.stage);
-    (stage.nodes, stage.root) = (vec![Node::default()], NodeId(0));
-    let warnings: Vec<(String, u64)> =
-        stage.warnings.iter().map(|w| (w.message.clone(), w.count)).collect();
-    let stage = text(&stage).map_err(PyValueError::new_err)?;
     let restore = py.import("snell._snell")?.getattr("_restore")?;
-    Ok((
-        restore,
-        (slots, PyBytes::new(py, stage.as_bytes()), warnings, contents.compact)
-            .into_pyobject(py)?,
-    ))
+    Ok((restore, (scenes, stages).into_pyobject(py)?))
 }
 
-/// An object as a dictionary. A scene that is instanced several times is stored once.
+/// All scenes that a scene instances, each once and before those that instance it; it is the last.
+fn below(contents: &Arc<Contents>) -> Vec<&Arc<Contents>> {
+    fn add<'a>(
+        contents: &'a Arc<Contents>,
+        known: &mut HashSet<*const Contents>,
+        all: &mut Vec<&'a Arc<Contents>>,
+    ) {
+        if !known.insert(Arc::as_ptr(contents)) {
+            return;
+        }
+        for (_, object) in contents.objects() {
+            if let Kind::Instance(child) = &object.kind {
+                add(child, known, all);
+            }
+        }
+        all.push(contents);
+    }
+    let mut all = Vec::new();
+    add(contents, &mut HashSet::new(), &mut all);
+    all
+}
+
+/// The bytes of a stage, and its warnings.
+type StoredStage<'py> = (Bound<'py, PyBytes>, Vec<(String, u64)>);
+
+/// A stage as a scene file without objects.
+fn stored_stage<'py>(py: Python<'py>, stage: &Graph) -> PyResult<StoredStage<'py>> {
+    let mut stage = Graph::clone(stage);
+    (stage.nodes, stage.root) = (vec![Node::default()], NodeId(0));
+    if stage.motion.take().is_some() {
+        let message = "pickle: the animation of the file that objects do not have is left out; \
+            keep the file, or use scene.at(time)";
+        crate::encoding::warn(py, message.into())?;
+    }
+    let warnings: Vec<(String, u64)> =
+        stage.warnings.iter().map(|w| (w.message.clone(), w.count)).collect();
+    let text = text(&stage).map_err(PyValueError::new_err)?;
+    Ok((PyBytes::new(py, text.as_bytes()), warnings))
+}
+
+/// An object as a dictionary; a scene that is instanced is its number.
 fn stored<'py>(
     py: Python<'py>,
     object: &Object,
-    children: &mut HashMap<*const Contents, Py<Scene>>,
+    children: &HashMap<*const Contents, usize>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     match &object.kind {
@@ -98,17 +144,10 @@ fn stored<'py>(
             all.set_item("heights", field.heights(py)?)?;
             all.set_item("grid", crate::place::matrix(py, &field.placed())?)?;
             all.set_item("smooth", field.is_smooth)?;
+            all.set_item("closed", field.grid.has_closed_border())?;
         }
         Kind::Instance(child) => {
-            let scene = match children.get(&Arc::as_ptr(child)) {
-                Some(scene) => scene.clone_ref(py),
-                None => {
-                    let scene = Py::new(py, Scene::of(Contents::clone(child)))?;
-                    children.insert(Arc::as_ptr(child), scene.clone_ref(py));
-                    scene
-                }
-            };
-            all.set_item("scene", scene)?;
+            all.set_item("scene", children.get(&Arc::as_ptr(child)))?;
         }
     }
     let place = match &object.motion {
@@ -169,27 +208,49 @@ fn balls(
 
 /// Restores a stored scene.
 #[pyfunction]
-#[pyo3(signature = (slots, stage, warnings, compact=false))]
 pub fn _restore(
-    slots: &Bound<'_, PyList>,
-    stage: &[u8],
-    warnings: Vec<(String, u64)>,
-    compact: bool,
+    scenes: Vec<(Bound<'_, PyList>, usize, bool)>,
+    stages: Vec<StoredStage<'_>>,
 ) -> PyResult<Scene> {
-    let py = slots.py();
+    let stages = stages.iter().map(restored_stage).collect::<PyResult<Vec<_>>>()?;
+    let mut made: Vec<Arc<Contents>> = Vec::with_capacity(scenes.len());
+    for (slots, stage, compact) in scenes {
+        let stage = stages.get(stage).cloned().ok_or_else(damaged)?;
+        let mut contents = Contents::on(stage);
+        contents.compact = compact;
+        restore_slots(&slots, &mut contents, &made)?;
+        made.push(Arc::new(contents));
+    }
+    made.pop().map(|contents| Scene(Shared::new(contents))).ok_or_else(damaged)
+}
+
+fn damaged() -> PyErr {
+    PyValueError::new_err("the pickle of the scene is damaged")
+}
+
+fn restored_stage((stage, warnings): &StoredStage<'_>) -> PyResult<Arc<Graph>> {
     let options = ReadOptions {
         limits: Limits { file_bytes: u64::MAX, ..Limits::default() },
         ..ReadOptions::default()
     };
-    let stage = read_scene_bytes("stage", stage.to_vec(), Path::new("."), &options);
+    let stage = read_scene_bytes("stage", stage.as_bytes().to_vec(), Path::new("."), &options);
     let mut stage = stage.map_err(|e| PyValueError::new_err(e.to_string()))?;
     stage.nodes.clear();
-    stage.warnings = warnings
-        .into_iter()
-        .map(|(message, count)| Warning { message, count, kind: Default::default() })
-        .collect();
-    let mut contents = Contents::on(Arc::new(stage));
-    contents.compact = compact;
+    let warning = |(message, count): &(String, u64)| Warning {
+        message: message.clone(),
+        count: *count,
+        kind: Default::default(),
+    };
+    stage.warnings = warnings.iter().map(warning).collect();
+    Ok(Arc::new(stage))
+}
+
+/// Adds stored objects to a scene; `made` are the scenes that instances refer to.
+fn restore_slots(
+    slots: &Bound<'_, PyList>,
+    contents: &mut Contents,
+    made: &[Arc<Contents>],
+) -> PyResult<()> {
     for slot in slots {
         if slot.is_none() {
             contents.add_gap();
@@ -220,12 +281,15 @@ pub fn _restore(
             Kind::Curves(Arc::new(curves.map_err(|e| PyValueError::new_err(e.to_string()))?))
         } else if let Some(heights) = get("heights")? {
             let smooth: bool = need("smooth")?.extract()?;
-            let field = crate::heightfield::field(&heights, Some(&need("grid")?), smooth)?;
+            let closed: bool = need("closed")?.extract()?;
+            let grid = need("grid")?;
+            let field = crate::heightfield::field(&heights, Some(&grid), smooth, closed)?;
             Kind::Heightfield(Arc::new(field))
         } else if let Some(centers) = get("centers")? {
             Kind::Spheres(Arc::new(objects::spheres(&centers, &need("radii")?)?))
         } else {
-            Kind::Instance(need("scene")?.cast::<Scene>()?.get().0.contents(py))
+            let number: usize = need("scene")?.extract()?;
+            Kind::Instance(made.get(number).cloned().ok_or_else(damaged)?)
         };
         let Place { transform, motion } =
             place(get("transform")?.as_ref(), get("times")?.as_ref())?;
@@ -241,5 +305,5 @@ pub fn _restore(
         let materials = materials.into_iter().map(|m| m.map(MaterialId)).collect();
         contents.add(Object { motion, mask, materials, ..Object::new(kind, transform, name) })?;
     }
-    Ok(Scene::of(contents))
+    Ok(())
 }

@@ -6,6 +6,7 @@ use crate::objects::check_finite;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyString;
 use snell_math::{DMat4, Transform};
 use std::sync::Arc;
 
@@ -18,8 +19,7 @@ pub struct Place {
     pub motion: Option<Arc<Motion>>,
 }
 
-/// A place: a transform, or transforms `(k, 4, 4)` at times `(k,)`, which are evenly spaced from 0
-/// to 1 if they are left out.
+/// A place: a transform, or transforms `(k, 4, 4)` at times `(k,)`.
 pub fn place(
     transform: Option<&Bound<'_, PyAny>>,
     times: Option<&Bound<'_, PyAny>>,
@@ -30,6 +30,7 @@ pub fn place(
             Some(_) => Err(PyTypeError::new_err("times are given, but no transform")),
         };
     };
+    refuse_text(value, "transform")?;
     let matrices = array(value, "transform")?;
     if matrices.shape().len() != 3 {
         if times.is_some() {
@@ -41,9 +42,27 @@ pub fn place(
         let transform = Some(named_transform(value, "transform")?);
         return Ok(Place { transform, motion: None });
     }
+    let Some(times) = times else {
+        return Err(PyValueError::new_err(format!(
+            "transform: shape is {}, expected (4, 4); give times= for one object that moves, or \
+                add_instances(scene, transforms) for many instances",
+            shown(matrices.shape())
+        )));
+    };
     let maps = transforms(&matrices, "transform")?;
     let times = key_times(times, maps.len())?;
     moving(times, maps)
+}
+
+/// Fails for a text, which was meant as a name.
+fn refuse_text(value: &Bound<'_, PyAny>, name: &str) -> PyResult<()> {
+    if !value.is_instance_of::<PyString>() {
+        return Ok(());
+    }
+    let found = crate::settings::shown(value);
+    Err(PyTypeError::new_err(format!(
+        "{name} is {found}, expected a matrix (4, 4); give a name as name={found}"
+    )))
 }
 
 /// Places of many objects: transforms `(n, 4, 4)`, or `(n, k, 4, 4)` at times `(k,)`.
@@ -54,8 +73,15 @@ pub fn places(
     let matrices = array(transforms_given, "transforms")?;
     let shape = matrices.shape().to_vec();
     let maps = transforms(&matrices, "transforms")?;
-    let keys = match (&shape[..], times) {
-        ([_, k, _, _], _) => *k,
+    let (keys, times) = match (&shape[..], times) {
+        ([_, k, _, _], Some(times)) => (*k, times),
+        ([_, _, _, _], None) => {
+            return Err(PyValueError::new_err(format!(
+                "transforms: shape is {}, but there are no times; give times= for objects that \
+                    move, or reshape(-1, 4, 4) for objects that rest",
+                shown(&shape)
+            )));
+        }
         (_, None) => {
             let still = |map| Place { transform: Some(map), motion: None };
             return Ok(maps.into_iter().map(still).collect());
@@ -72,19 +98,20 @@ pub fn places(
 }
 
 fn moving(times: Vec<f64>, maps: Vec<Transform>) -> PyResult<Place> {
-    let transform = maps.first().copied();
-    Ok(Place { transform, motion: Some(Arc::new(Motion::new(times, maps)?)) })
+    Motion::new(times, maps).map(Place::from)
+}
+
+impl From<Motion> for Place {
+    fn from(motion: Motion) -> Self {
+        Self { transform: motion.maps().first().copied(), motion: Some(Arc::new(motion)) }
+    }
 }
 
 /// The times of `count` keys, ascending.
-fn key_times(times: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<f64>> {
+fn key_times(times: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<f64>> {
     if count == 0 {
         return Err(PyValueError::new_err("transform: there are no keys, expected one or more"));
     }
-    let Some(times) = times else {
-        let last = (count - 1).max(1) as f64;
-        return Ok((0..count).map(|key| key as f64 / last).collect());
-    };
     let array = array(times, "times")?;
     if array.shape() != [count] {
         let found = shown(array.shape());

@@ -171,8 +171,8 @@ impl _Render {
     }
 
     /// Continues until every pixel has this number of samples (all if left out), or for this number
-    /// of seconds. `report` is called with the share done and the number of rays so far; it stops
-    /// the render by returning False.
+    /// of seconds. `report` is called with the share done and the number of rays so far, ten times
+    /// a second and at the end; it stops the render by returning False.
     #[pyo3(signature = (samples=None, time=None, report=None))]
     fn render(
         &self,
@@ -211,6 +211,13 @@ impl _Render {
         }
         waited?;
         let Rendered { partial, picture, variance } = job.take()?.map_err(denoise_error)?;
+        if let Some(report) = report.filter(|_| watch.cancel.check().is_ok()) {
+            // Short renders would not report anything otherwise.
+            let progress = *watch.progress.lock().unwrap_or_else(PoisonError::into_inner);
+            let share = if partial.is_done { 1.0 } else { share(&progress, start.elapsed(), time) };
+            let rays = partial.underway.statistics.rays.total().max(progress.rays);
+            report.call1(py, (share, rays))?;
+        }
         let PartialRender { underway, seconds, .. } = &partial;
         let image = self.plan.image(py, (picture, variance), underway, *seconds);
         *self.partial.lock().unwrap_or_else(PoisonError::into_inner) = Some(partial);

@@ -25,6 +25,7 @@ pub mod explain;
 pub mod film;
 pub mod guiding;
 pub mod integrator;
+pub mod irradiance;
 pub mod job;
 mod lanes;
 pub mod layers;

@@ -13,7 +13,7 @@ use crate::sampler::{Random, Sampler};
 use crate::settings::Settings;
 use crate::volume::{Insides, LightStep, Numbers, OwnMedia, PathStep, Walker};
 use snell_intersect::{Hit, RayQuery};
-use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum};
+use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum, Vec3};
 use snell_scene::Camera;
 
 /// Renders a picture: for each pixel, row by row from the top, the filtered mean of its samples.
@@ -32,7 +32,7 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
                 let random = sampler.random([x, y], number);
                 let (film, weight) = film_point(settings, &filter, [x, y], random.pair(FILM));
                 let (ray, state) = camera_path(&view, settings, scene.moves, &random, film);
-                let mut media = Media::new(&context, camera, state.mode);
+                let mut media = Media::new(&context, camera.eye.as_vec3(), state.mode);
                 let light =
                     state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
                 let color = settings.sensor.map_or(light, |sensor| sensor.response(light));
@@ -63,7 +63,7 @@ fn radiance(
     if state.throughput.is_black() {
         return SampledSpectrum::ZERO;
     }
-    let (scene, settings) = (context.scene, context.settings);
+    let scene = context.scene;
     let numbers = random.at_vertex(state.stream, depth);
     let (mut ray, mut state, mut sum) = (*ray, *state, SampledSpectrum::ZERO);
     let (hit, medium) = match media {
@@ -87,14 +87,26 @@ fn radiance(
         outside_ior: media.as_ref().map_or(1.0, |m| m.walker.outside_ior(&m.insides, &hit)),
     });
     let vertex = Vertex { depth, ray: &ray, state: &state, random: numbers, surface, medium };
+    sum + leaving(context, &vertex, random, media)
+}
+
+/// Radiance that leaves a vertex towards the origin of its ray.
+pub(crate) fn leaving(
+    context: &Context,
+    vertex: &Vertex,
+    random: Random,
+    media: &mut Option<Media>,
+) -> SampledSpectrum {
+    let (scene, settings) = (context.scene, context.settings);
+    let (state, depth, numbers) = (vertex.state, vertex.depth, vertex.random);
     let mut out = Outputs::default();
-    (settings.integrator.vertex_function())(context, &vertex, &mut out);
-    sum += out.radiance;
+    (settings.integrator.vertex_function())(context, vertex, &mut out);
+    let mut sum = out.radiance;
     let here = media.as_ref().map(|m| m.insides);
     for (number, (light_ray, value)) in (0..).zip(&out.light_rays) {
         sum += match media {
             Some(media) => {
-                media.go_on(here, &vertex, light_ray);
+                media.go_on(here, vertex, light_ray);
                 let numbers = Numbers::of_light_ray(numbers, number);
                 let left =
                     media.arriving(scene, *light_ray, state.time, *value, state.mode, numbers);
@@ -112,7 +124,7 @@ fn radiance(
     }
     for (next_ray, next_state) in &out.next {
         if let Some(media) = media {
-            media.go_on(here, &vertex, next_ray);
+            media.go_on(here, vertex, next_ray);
         }
         sum += radiance(context, next_ray, next_state, random, depth + 1, media);
     }
@@ -125,17 +137,18 @@ fn timed(ray: &Ray, time: f32) -> RayQuery<'_> {
 }
 
 /// What a ray needs in scenes with media.
-struct Media<'a> {
+pub(crate) struct Media<'a> {
     walker: Walker<'a>,
     own: OwnMedia,
     insides: Insides,
 }
 
 impl<'a> Media<'a> {
-    fn new(context: &Context<'a>, camera: &Camera, mode: ColorMode) -> Option<Self> {
+    /// The media around the start of a path; `None` if there are none.
+    pub(crate) fn new(context: &Context<'a>, start: Vec3, mode: ColorMode) -> Option<Self> {
         let walker = Walker::new(context).filter(|_| context.settings.integrator.is_path())?;
         let mut own = OwnMedia::new();
-        let around = walker.surfaces_around(camera.eye.as_vec3());
+        let around = walker.surfaces_around(start);
         let insides = walker.insides_of(&mut own, &around, mode);
         Some(Self { walker, own, insides })
     }
@@ -225,7 +238,7 @@ mod tests {
     use crate::integrator::IntegratorKind;
     use crate::job::Job;
     use snell_intersect::shape::{BoxShape, Sphere};
-    use snell_math::{DAffine3, DVec3, Vec3};
+    use snell_math::{DAffine3, DVec3};
     use snell_scene::material::Diffuse;
     use snell_scene::{Background, Environment, Material, Node, Scene, Surface};
 

@@ -17,6 +17,15 @@ pub fn are_bytes(colors: &[[f32; 4]]) -> bool {
 /// Makes linear colours of sRGB values from 0 to 1, or from 0 to 255 if they are bytes.
 pub fn to_linear(colors: &mut [[f32; 4]]) {
     let scale = if are_bytes(colors) { 1.0 / 255.0 } else { 1.0 };
+    scaled_to_linear(colors, scale);
+}
+
+/// Makes linear colours of sRGB values from 0 to 255.
+pub fn bytes_to_linear(colors: &mut [[f32; 4]]) {
+    scaled_to_linear(colors, 1.0 / 255.0);
+}
+
+fn scaled_to_linear(colors: &mut [[f32; 4]], scale: f32) {
     colors.par_iter_mut().with_min_len(1 << 12).for_each(|color| {
         if color.iter().any(|c| c.is_nan()) {
             *color = [1.0; 4];

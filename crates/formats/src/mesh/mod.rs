@@ -5,6 +5,7 @@
 //! | Wavefront OBJ, with MTL | [`obj`] | by smoothing groups; without them smooth up to 40° |
 //! | Stanford PLY | [`ply`] | smooth up to 40° |
 //! | STL | [`stl`] | equal positions are welded; smooth up to 40° (the file's own facet normals are ignored, since they follow from the triangles) |
+//! | PCD | [`pcd`] | has points only |
 //! | OFF | [`off`] | flat, as the programs that these files were made for show them |
 //! | Princeton `.ray` | [`ray`] | has normals |
 //!
@@ -21,6 +22,7 @@ mod weld;
 
 pub mod obj;
 pub mod off;
+pub mod pcd;
 pub mod ply;
 pub mod ray;
 pub mod stl;
@@ -41,6 +43,7 @@ type Parse = fn(&Input, &mut Notes) -> Result<TriangleMesh, ReadError>;
 /// its reader for bare meshes. Formats without a reliable signature come last.
 pub(crate) const FORMATS: &[(SceneReader, Parse)] = &[
     (ply::READER, ply::parse),
+    (pcd::READER, pcd::parse),
     (off::READER, off::parse),
     (stl::READER, stl::parse),
     (ray::READER, ray::parse),

@@ -42,6 +42,7 @@ pub(crate) trait TriangleTest: Frames {
         line: &Self::Line,
         corners: &[DVec3; 3],
         ids: [u32; 3],
+        closed: u32,
     ) -> Option<Self::Hit>;
 
     /// The hit on a triangle, given its corners as the tree stores them; `None` unless the hit is

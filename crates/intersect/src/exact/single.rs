@@ -3,7 +3,7 @@
 use super::TriangleTest;
 use super::prepared::PreparedRay;
 use super::ray::LocalRay;
-use super::triangle::{exact_hit, height_and_speed, hit_in_plane, is_behind};
+use super::triangle::{exact_hit, exact_hit_closed, height_and_speed, hit_in_plane, is_behind};
 use crate::hit::Hit;
 use crate::mesh::are_degenerate;
 use crate::precision::Single;
@@ -47,12 +47,18 @@ impl TriangleTest for Single {
         line: &LocalRay,
         corners: &[DVec3; 3],
         ids: [u32; 3],
+        closed: u32,
     ) -> Option<Hit> {
         let corners = corners.map(|p| p.as_vec3());
         if are_degenerate(&corners) {
             return None;
         }
-        Self::triangle_hit(search, line, &corners.map(|p| p.to_array()), || ids)
+        let corners = corners.map(|p| p.to_array());
+        if closed != 0 {
+            let found = exact_hit_closed(line, &corners, search.start.into(), closed);
+            return single_hit(search, found, || ids);
+        }
+        Self::triangle_hit(search, line, &corners, || ids)
     }
 
     #[inline(always)]

@@ -87,6 +87,33 @@ pub(crate) fn exact_hit_on(
     if is_behind(plane, t_min) { None } else { hit_in_plane(ray, corners, plane, t_min) }
 }
 
+/// Performs [`exact_hit`] for a triangle of which some edges belong to it: those whose bits are set
+/// in `closed`, where bit `i` is the edge opposite of corner `i`. Rays that pass exactly through
+/// them hit.
+pub(crate) fn exact_hit_closed(
+    ray: &LocalRay,
+    corners: &[[f32; 3]; 3],
+    t_min: f64,
+    closed: u32,
+) -> Option<(f64, Vec2)> {
+    let ray = ray.exact_ray();
+    let plane = plane_distance(&ray.origin, &ray.direction, corners);
+    let is_ahead = !is_behind(plane, t_min);
+    is_ahead.then(|| hit_in_plane_closed(&ray, corners, plane, t_min, closed)).flatten()
+}
+
+/// The signs of the edges of a triangle, in which edges that belong to the triangle and that the
+/// ray passes through agree with the others.
+#[cold]
+pub(crate) fn closed_signs(mut signs: [i32; 3], is_on: [bool; 3], closed: u32) -> [i32; 3] {
+    let is_free = |edge: usize| closed >> edge & 1 == 1 && is_on[edge];
+    if let Some(other) = (0..3).find(|&edge| !is_free(edge)) {
+        let sign = signs[other];
+        (0..3).filter(|&edge| is_free(edge)).for_each(|edge| signs[edge] = sign);
+    }
+    signs
+}
+
 /// The ray parameter of the plane of a triangle: the first part of [`exact_hit`]. Infinite or NaN
 /// if the ray is parallel to the plane or the triangle has no area.
 #[inline(always)]
@@ -123,6 +150,19 @@ pub(crate) fn hit_in_plane(
     plane: f64,
     t_min: f64,
 ) -> Option<(f64, Vec2)> {
+    hit_in_plane_closed(ray, corners, plane, t_min, 0)
+}
+
+/// Performs [`hit_in_plane`] for a triangle of which some edges belong to it; see
+/// [`exact_hit_closed`].
+#[inline(always)]
+fn hit_in_plane_closed(
+    ray: &ExactRay,
+    corners: &[[f32; 3]; 3],
+    plane: f64,
+    t_min: f64,
+    closed: u32,
+) -> Option<(f64, Vec2)> {
     let [p0, p1, p2] = [
         ray.projection.project(&corners[0]),
         ray.projection.project(&corners[1]),
@@ -131,6 +171,11 @@ pub(crate) fn hit_in_plane(
     let (w0, s0) = edge(p1, p2);
     let (w1, s1) = edge(p2, p0);
     let (w2, s2) = edge(p0, p1);
+    // Products of `f32` are exact, so an edge that the ray passes through has the value 0.
+    let [s0, s1, s2] = match closed {
+        0 => [s0, s1, s2],
+        closed => closed_signs([s0, s1, s2], [w0, w1, w2].map(|w| w == 0.0), closed),
+    };
     if s0 == 0 || s0 != s1 || s0 != s2 {
         return None;
     }

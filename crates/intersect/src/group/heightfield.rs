@@ -25,7 +25,8 @@ pub(super) fn test_block<G: Goal<Precision: TriangleTest>>(
             search.goal.count_primitives(1);
             let corners = field.half(half as usize).map(|node| cell.nodes[node]);
             let ids = [instance, geometry, cell.first + half];
-            let found = G::Precision::hit_at(search, line, &corners, ids);
+            let found =
+                G::Precision::hit_at(search, line, &corners, ids, cell.closed[half as usize]);
             if offer_triangle(search, found) {
                 return None;
             }

@@ -1,6 +1,7 @@
 //! The queries of worlds in double precision.
 
 use super::all::AllHits;
+use super::scaled::restored;
 use super::searcher::Searcher;
 use crate::hit::DHit;
 use crate::precision::Double;
@@ -21,7 +22,12 @@ impl DWorld {
         hits: &mut [DHit],
     ) {
         let rays = rays.into();
+        let scaled = self.scaled(&rays);
+        let rays = scaled.as_ref().map_or(rays, |scaled| scaled.of(rays));
         self.searcher(filter).with_cancel(rays.cancel()).closest(rays, grouping, hits);
+        if let Some(scaled) = &scaled {
+            scaled.restore(hits);
+        }
     }
 
     /// For each ray, whether anything lies in its interval; see [`crate::World::occluded`].
@@ -36,6 +42,8 @@ impl DWorld {
         blocked: &mut [bool],
     ) {
         let rays = rays.into();
+        let scaled = self.scaled(&rays);
+        let rays = scaled.as_ref().map_or(rays, |scaled| scaled.of(rays));
         self.searcher(filter).with_cancel(rays.cancel()).occluded(rays, grouping, blocked);
     }
 
@@ -45,7 +53,14 @@ impl DWorld {
         ray: impl Into<RayQuery<'a, Double>>,
         filter: &dyn HitFilter<Double>,
     ) -> DHit {
-        self.searcher(filter).closest_one(ray.into())
+        let query = ray.into();
+        match self.scaled_one(query.ray) {
+            None => self.searcher(filter).closest_one(query),
+            Some((ray, factor)) => {
+                let hit = self.searcher(filter).closest_one(RayQuery { ray: &ray, ..query });
+                restored(hit, factor)
+            }
+        }
     }
 
     /// True if anything lies in the interval of one ray; see [`crate::World::occluded_one`].
@@ -54,7 +69,11 @@ impl DWorld {
         ray: impl Into<RayQuery<'a, Double>>,
         filter: &dyn HitFilter<Double>,
     ) -> bool {
-        self.searcher(filter).occluded_one(ray.into())
+        let query = ray.into();
+        match self.scaled_one(query.ray) {
+            None => self.searcher(filter).occluded_one(query),
+            Some((ray, _)) => self.searcher(filter).occluded_one(RayQuery { ray: &ray, ..query }),
+        }
     }
 
     /// Every hit of each ray; see [`crate::World::all`].
@@ -64,7 +83,13 @@ impl DWorld {
         filter: &dyn HitFilter<Double>,
     ) -> AllHits<Double> {
         let rays = rays.into();
-        self.searcher(filter).with_cancel(rays.cancel()).all(rays)
+        let scaled = self.scaled(&rays);
+        let rays = scaled.as_ref().map_or(rays, |scaled| scaled.of(rays));
+        let all = self.searcher(filter).with_cancel(rays.cancel()).all(rays);
+        match scaled {
+            Some(scaled) => scaled.restore_all(all),
+            None => all,
+        }
     }
 
     /// Every hit of one ray; see [`crate::World::all_one`].
@@ -73,7 +98,15 @@ impl DWorld {
         ray: impl Into<RayQuery<'a, Double>>,
         filter: &dyn HitFilter<Double>,
     ) -> Vec<DHit> {
-        self.searcher(filter).all_one(ray.into())
+        let query = ray.into();
+        match self.scaled_one(query.ray) {
+            None => self.searcher(filter).all_one(query),
+            Some((ray, factor)) => {
+                let mut all = self.searcher(filter).all_one(RayQuery { ray: &ray, ..query });
+                all.iter_mut().for_each(|hit| *hit = restored(*hit, factor));
+                all
+            }
+        }
     }
 
     /// The number of hits of each ray; see [`crate::World::count`].
@@ -87,6 +120,8 @@ impl DWorld {
         counts: &mut [u32],
     ) {
         let rays = rays.into();
+        let scaled = self.scaled(&rays);
+        let rays = scaled.as_ref().map_or(rays, |scaled| scaled.of(rays));
         self.searcher(filter).with_cancel(rays.cancel()).count(rays, counts);
     }
 
@@ -97,7 +132,15 @@ impl DWorld {
         ray: impl Into<RayQuery<'a, Double>>,
         filter: &dyn HitFilter<Double>,
     ) -> (DHit, TraversalCounters) {
-        self.searcher(filter).closest_counted(ray.into())
+        let query = ray.into();
+        match self.scaled_one(query.ray) {
+            None => self.searcher(filter).closest_counted(query),
+            Some((ray, factor)) => {
+                let query = RayQuery { ray: &ray, ..query };
+                let (hit, counters) = self.searcher(filter).closest_counted(query);
+                (restored(hit, factor), counters)
+            }
+        }
     }
 
     #[inline]

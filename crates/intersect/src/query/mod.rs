@@ -9,6 +9,7 @@ mod order;
 pub mod pair;
 pub mod parallel;
 pub mod queries;
+mod scaled;
 pub(crate) mod searcher;
 mod spawn;
 pub mod trace;

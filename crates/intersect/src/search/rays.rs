@@ -134,6 +134,12 @@ impl<'a, P: Precision> Rays<'a, P> {
         }
     }
 
+    /// The batch with other rays, and the same masks and times.
+    pub(crate) fn with_rays(self, rays: &'a [P::Ray]) -> Self {
+        debug_assert_eq!(rays.len(), self.rays.len());
+        Self { rays, ..self }
+    }
+
     /// A part of the batch, with its masks and times.
     ///
     /// # Panics

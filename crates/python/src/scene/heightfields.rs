@@ -3,6 +3,7 @@
 use super::Scene;
 use crate::contents::Kind;
 use crate::heightfield;
+use crate::names::Name;
 use crate::objects;
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -30,6 +31,10 @@ impl Scene {
     /// smooth : bool
     ///     Whether normals for shading (:attr:`Hits.normals`, and pictures) are interpolated
     ///     between the slopes at the heights. The surface itself stays as it is.
+    /// edges : "open" or "closed"
+    ///     Whether rays that pass exactly through the border hit: through the outermost heights,
+    ///     and those beside no data. An open border is that of a mesh, which is hit on some sides
+    ///     only. (At a height on a closed border, counts and lists may have two triangles.)
     ///
     /// A *cell* is between four heights: cell ``row * (columns - 1) + column`` begins with the one
     /// in this row and column, and is cut into two triangles by the diagonal from there to the next
@@ -53,19 +58,20 @@ impl Scene {
     /// >>> bool(hits.normals[0, 2] > 0)
     /// True
     #[pyo3(signature = (
-        z, transform=None, name=None, *, smooth=false, mask=None, material=None,
+        z, transform=None, name=None, *, smooth=false, edges="open", mask=None, material=None,
     ))]
     fn add_heightfield(
         &self,
         z: &Bound<'_, PyAny>,
         transform: Option<&Bound<'_, PyAny>>,
-        name: Option<String>,
+        name: Option<Name>,
         smooth: bool,
+        edges: &str,
         mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
-        let field = heightfield::field(z, transform, smooth)?;
-        self.add(z.py(), Kind::Heightfield(Arc::new(field)), None, name, mask, material)
+        let field = heightfield::field(z, transform, smooth, heightfield::is_closed(edges)?)?;
+        self.add(z.py(), Kind::Heightfield(Arc::new(field)), (None, None), name, mask, material)
     }
 
     /// Replaces the heights of a heightfield.

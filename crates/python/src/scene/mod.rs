@@ -10,9 +10,10 @@ mod reading;
 
 use crate::arrays::from_vec;
 use crate::contents::{Contents, Kind, Object};
+use crate::names::Name;
 use crate::objects;
 use crate::place::{Place, place};
-use crate::stage::{add_materials, warn_without_uvs};
+use crate::stage::{add_materials, add_white, warn_without_uvs};
 use crate::state::Shared;
 use crate::work::run_to_end;
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -50,12 +51,12 @@ impl Scene {
         &self,
         py: Python<'_>,
         kind: Kind,
-        transform: Option<&Bound<'_, PyAny>>,
-        name: Option<String>,
+        (transform, times): (Option<&Bound<'_, PyAny>>, Option<&Bound<'_, PyAny>>),
+        name: Option<Name>,
         mask: Option<impl Into<i128>>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
-        let (place, mask) = (place(transform, None)?, objects::mask(mask)?);
+        let (place, mask) = (place(transform, times)?, objects::mask(mask)?);
         self.add_placed(py, kind, place, name, mask, material)
     }
 
@@ -64,17 +65,30 @@ impl Scene {
         py: Python<'_>,
         kind: Kind,
         Place { transform, motion }: Place,
-        name: Option<String>,
+        name: Option<Name>,
         mask: u64,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         self.0.edit(py, |contents| {
-            let materials = add_materials(contents, material)?;
-            let object = Object { motion, mask, materials, ..Object::new(kind, transform, name) };
+            let mut materials = add_materials(contents, material)?;
+            if materials.is_empty() && has_colors(&kind) {
+                materials.push(Some(add_white(contents)));
+            }
+            let object = Object {
+                motion,
+                mask,
+                materials,
+                ..Object::new(kind, transform, name.map(|name| name.0))
+            };
             warn_without_uvs(py, contents, &object)?;
             contents.add(object)
         })
     }
+}
+
+/// True for a mesh whose vertices have colours.
+fn has_colors(kind: &Kind) -> bool {
+    matches!(kind, Kind::Mesh(mesh) if !mesh.attributes().colors.is_empty())
 }
 
 #[pymethods]
@@ -97,8 +111,7 @@ impl Scene {
     ///     mesh of another library.
     /// transform : array (4, 4) or (3, 4), optional
     ///     Map from the coordinates of the mesh to the scene's; column vectors, so the translation
-    ///     is the last column. An array `(k, 4, 4)` makes the mesh move; see
-    ///     :meth:`update_transform`.
+    ///     is the last column. Or `(k, 4, 4)`, one for each of `times`, for a mesh that moves.
     /// name : str, optional
     ///     A name for users; see :attr:`names`.
     /// mask : int, optional
@@ -112,10 +125,12 @@ impl Scene {
     ///     Colours at the vertices, which the material's colour is multiplied by: floats are
     ///     linear, from 0 to 1; uint8 and uint16 are sRGB.
     /// material : Material or list of Material, optional
-    ///     For rendering; grey if left out. For a list, `material_ids` selects the material of each
+    ///     For rendering; if left out, white for a mesh with colours, otherwise grey. For a list, `material_ids` selects the material of each
     ///     face.
     /// material_ids : array (m,) of integers, optional
     ///     Index in the list for each face; the first material if left out.
+    /// times : array (k,), optional
+    ///     The times of the transforms of a mesh that moves; see :meth:`update_transform`.
     ///
     /// Examples
     /// --------
@@ -125,20 +140,21 @@ impl Scene {
     /// 0
     #[pyo3(signature = (
         vertices, faces=None, transform=None, name=None, *, mask=None, normals=None, uvs=None,
-        colors=None, material=None, material_ids=None,
+        colors=None, material=None, material_ids=None, times=None,
     ))]
     fn add_mesh<'py>(
         &self,
         vertices: &Bound<'py, PyAny>,
         faces: Option<&Bound<'py, PyAny>>,
         transform: Option<&Bound<'py, PyAny>>,
-        name: Option<String>,
+        name: Option<Name>,
         mask: Option<objects::Mask>,
         normals: Option<&Bound<'py, PyAny>>,
         uvs: Option<&Bound<'py, PyAny>>,
         colors: Option<&Bound<'py, PyAny>>,
         material: Option<&Bound<'py, PyAny>>,
         material_ids: Option<&Bound<'py, PyAny>>,
+        times: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<u32> {
         if faces.is_some() && vertices.hasattr("vertices")? {
             return Err(PyTypeError::new_err(
@@ -159,7 +175,7 @@ impl Scene {
         let vertices = vertices.ok_or_else(|| PyTypeError::new_err("vertices are left out"))?;
         let mesh = objects::mesh(&vertices, faces.as_ref(), &given)?;
         let kind = Kind::Mesh(Arc::new(mesh));
-        self.add(vertices.py(), kind, transform, name, mask, material.as_ref())
+        self.add(vertices.py(), kind, (transform, times), name, mask, material.as_ref())
     }
 
     /// Adds an analytic shape and returns its id. :data:`SHAPES` lists the shapes and their
@@ -172,7 +188,7 @@ impl Scene {
     ///     user's guide for each.
     /// transform : array (4, 4) or (3, 4), optional
     ///     Map from the coordinates of the shape to the scene's.
-    /// name, mask
+    /// name, mask, times
     ///     As for :meth:`add_mesh`.
     /// material : Material, optional
     ///     For rendering; grey if left out.
@@ -186,20 +202,21 @@ impl Scene {
     /// >>> scene.add_shape("cylinder", radius=0.5, height=2)
     /// 0
     #[pyo3(signature = (
-        shape, transform=None, name=None, *, mask=None, material=None, **parameters
+        shape, transform=None, name=None, *, mask=None, material=None, times=None, **parameters
     ))]
     fn add_shape(
         &self,
         py: Python<'_>,
         shape: &str,
         transform: Option<&Bound<'_, PyAny>>,
-        name: Option<String>,
+        name: Option<Name>,
         mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
+        times: Option<&Bound<'_, PyAny>>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<u32> {
         let shape = objects::shape(shape, parameters)?;
-        self.add(py, Kind::Shape(Arc::new(shape)), transform, name, mask, material)
+        self.add(py, Kind::Shape(Arc::new(shape)), (transform, times), name, mask, material)
     }
 
     /// Adds many spheres as one object, such as a point cloud or particles, and returns its id.
@@ -210,7 +227,7 @@ impl Scene {
     ///     Finite positions. `float32` is kept as it is; all else is kept in double precision.
     /// radii : array (n,) or float
     ///     Positive radii.
-    /// transform, name, mask, material
+    /// transform, name, mask, material, times
     ///     As for :meth:`add_mesh`.
     ///
     /// Examples
@@ -220,18 +237,28 @@ impl Scene {
     /// >>> cloud = scene.add_spheres([[0, 0, 0], [0, 0, 5]], 0.5)
     /// >>> scene.cast_rays([0, 0, 2, 0, 0, 1]).primitive_ids
     /// array(1, dtype=uint32)
-    #[pyo3(signature = (centers, radii, transform=None, name=None, *, mask=None, material=None))]
+    #[pyo3(signature = (
+        centers, radii, transform=None, name=None, *, mask=None, material=None, times=None,
+    ))]
     fn add_spheres(
         &self,
         centers: &Bound<'_, PyAny>,
         radii: &Bound<'_, PyAny>,
         transform: Option<&Bound<'_, PyAny>>,
-        name: Option<String>,
+        name: Option<Name>,
         mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
+        times: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let spheres = objects::spheres(centers, radii)?;
-        self.add(centers.py(), Kind::Spheres(Arc::new(spheres)), transform, name, mask, material)
+        self.add(
+            centers.py(),
+            Kind::Spheres(Arc::new(spheres)),
+            (transform, times),
+            name,
+            mask,
+            material,
+        )
     }
 
     /// Adds strands of round curves as one object, such as hair, fur, grass or wires, and returns
@@ -249,7 +276,7 @@ impl Scene {
     /// basis : str
     ///     ``"linear"`` (2 points or more for each strand), ``"bezier"`` (3 for each segment and 1
     ///     more), ``"b-spline"`` or ``"catmull-rom"`` (4 or more).
-    /// transform, name, mask, material
+    /// transform, name, mask, material, times
     ///     As for :meth:`add_mesh`.
     ///
     /// Rays hit strands from outside only: where they enter, not where they exit.
@@ -263,7 +290,7 @@ impl Scene {
     /// 1.75
     #[pyo3(signature = (
         points, radii, strands=None, basis="bezier", transform=None, name=None, *, mask=None,
-        material=None,
+        material=None, times=None,
     ))]
     #[expect(clippy::too_many_arguments, reason = "these are the arguments of Python")]
     fn add_curves(
@@ -273,12 +300,20 @@ impl Scene {
         strands: Option<&Bound<'_, PyAny>>,
         basis: &str,
         transform: Option<&Bound<'_, PyAny>>,
-        name: Option<String>,
+        name: Option<Name>,
         mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
+        times: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let curves = objects::curves(points, radii, strands, basis)?;
-        self.add(points.py(), Kind::Curves(Arc::new(curves)), transform, name, mask, material)
+        self.add(
+            points.py(),
+            Kind::Curves(Arc::new(curves)),
+            (transform, times),
+            name,
+            mask,
+            material,
+        )
     }
 
     /// Moves the vertices of a mesh. The faces stay, so the acceleration structure of a mesh in

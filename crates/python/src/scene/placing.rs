@@ -1,9 +1,11 @@
 //! Instances, and the places of objects: where they are, and how they move.
 
 use super::Scene;
+use crate::animated::changes_surfaces;
 use crate::arrays::{array, check_unsigned, contiguous, from_vec, shown, slice};
 use crate::contents::{Kind, Object};
 use crate::motion::still;
+use crate::names::Name;
 use crate::objects;
 use crate::place::{place, places};
 use crate::stage::add_materials;
@@ -97,7 +99,7 @@ impl Scene {
         py: Python<'_>,
         scene: &Self,
         transform: Option<&Bound<'_, PyAny>>,
-        name: Option<String>,
+        name: Option<Name>,
         mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
         times: Option<&Bound<'_, PyAny>>,
@@ -171,8 +173,8 @@ impl Scene {
     /// transform : array (4, 4) or (3, 4), or (k, 4, 4)
     ///     Where it is now; or where it is at each of `times`.
     /// times : array (k,), optional
-    ///     The times of the transforms, ascending, in any unit, such as seconds; evenly spaced from
-    ///     0 to 1 if left out. Queries keep times to 6e-8 of the span of all keys of the scene.
+    ///     The times of the transforms, ascending, in any unit, such as seconds. Queries keep times
+    ///     to 6e-8 of the span of all keys of the scene.
     ///
     /// Queries find an object that moves where it is at the `times` of their rays. Between two
     /// transforms its translation is interpolated linearly, its rotation the short way around, and
@@ -271,7 +273,7 @@ impl Scene {
     /// >>> scene = snell.Scene()
     /// >>> keys = np.tile(np.eye(4), (2, 1, 1))
     /// >>> keys[1, 0, 3] = 10
-    /// >>> ball = scene.add_shape("sphere", keys, radius=1)
+    /// >>> ball = scene.add_shape("sphere", keys, times=[0, 1], radius=1)
     /// >>> scene.at(0.5).bounds.tolist()
     /// [[4.0, -1.0, -1.0], [6.0, 1.0, 1.0]]
     fn at(&self, py: Python<'_>, time: f64) -> PyResult<Self> {
@@ -280,10 +282,18 @@ impl Scene {
             return Err(PyValueError::new_err(message));
         }
         let contents = self.0.contents(py);
-        if contents.stage.motion.is_some() {
-            let message = "at: the animation of the file stays as it is; only what \
-                update_transform(id, transforms, times) moves is posed";
-            crate::encoding::warn(py, message.into())?;
+        if let Some(motion) = &contents.stage.motion {
+            let what = match changes_surfaces(motion) {
+                true => {
+                    "the animation of the file stays as it is; only what \
+                    update_transform(id, transforms, times) moves is posed"
+                }
+                false => {
+                    "the cameras, lights and parameters that the file animates stay as they \
+                    are; only objects are posed"
+                }
+            };
+            crate::encoding::warn(py, format!("at: {what}"))?;
         }
         Ok(Self(Shared::new(still(&contents, time))))
     }

@@ -1,6 +1,7 @@
 //! Queries of a scene about rays.
 
 use super::Scene;
+use crate::animated::changes_surfaces;
 use crate::answers::{Hits, Intersections, Named};
 use crate::arrays::{filled, from_vec};
 use crate::assemble::Snapshot;
@@ -64,7 +65,11 @@ impl Scene {
     ) -> PyResult<T> {
         let py = limits.t_min.py();
         let snapshot = self.0.snapshot::<P>(py)?;
-        if limits.times.is_some() && self.0.contents(py).stage.motion.is_some() {
+        let is_partial = || {
+            let contents = self.0.contents(py);
+            contents.stage.motion.as_ref().is_some_and(|motion| changes_surfaces(motion))
+        };
+        if limits.times.is_some() && is_partial() {
             let message = "times: queries do not see the animation of the file, but only what \
                 update_transform(id, transforms, times) moves";
             crate::encoding::warn(py, message.into())?;

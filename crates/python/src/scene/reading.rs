@@ -4,7 +4,7 @@ use super::Scene;
 use crate::arrays::from_vec;
 use crate::contents::{Kind, Object};
 use crate::material::Material;
-use crate::names::suggestion;
+use crate::names::{Name, suggestion};
 use crate::place::{matrices, matrix};
 use crate::stage::{listed, materials_of};
 use crate::state::Shared;
@@ -240,9 +240,9 @@ impl Scene {
     /// >>> scene.update_name(scene.add_shape("sphere", radius=1), "ball")
     /// >>> scene["ball"]
     /// 0
-    fn update_name(&self, py: Python<'_>, id: i64, name: Option<String>) -> PyResult<()> {
+    fn update_name(&self, py: Python<'_>, id: i64, name: Option<Name>) -> PyResult<()> {
         self.0.edit(py, |contents| {
-            contents.get_mut(id)?.name = name.map(Into::into);
+            contents.get_mut(id)?.name = name.map(|name| name.0.into());
             Ok(())
         })
     }
@@ -271,10 +271,10 @@ impl Scene {
     /// >>> ball = scene.add_shape("sphere", radius=1)
     /// >>> scene.motion(ball) is None
     /// True
-    /// >>> scene.update_transform(ball, np.tile(np.eye(4), (3, 1, 1)))
+    /// >>> scene.update_transform(ball, np.tile(np.eye(4), (3, 1, 1)), times=[0, 0.5, 2])
     /// >>> transforms, times = scene.motion(ball)
     /// >>> transforms.shape, times.tolist()
-    /// ((3, 4, 4), [0.0, 0.5, 1.0])
+    /// ((3, 4, 4), [0.0, 0.5, 2.0])
     fn motion<'py>(
         &self,
         py: Python<'py>,

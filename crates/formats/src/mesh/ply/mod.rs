@@ -16,6 +16,7 @@
 mod attribute;
 mod body;
 mod header;
+mod table;
 mod uniform;
 
 use super::colors;
@@ -29,6 +30,7 @@ use snell_intersect::TriangleMesh;
 use snell_math::Rgb;
 use snell_scene::material::{ColorParam, Diffuse};
 use snell_scene::{Encoding, Geometry, Material, Scene, WarningKind};
+pub use table::points;
 
 /// The reader of PLY files.
 pub const READER: SceneReader = SceneReader {

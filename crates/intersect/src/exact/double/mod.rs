@@ -15,7 +15,7 @@ use crate::precision::frame::Frame;
 use crate::precision::{Double, DoubleData};
 use crate::search::{Goal, Search};
 use snell_math::simd::Lanes8;
-use snell_math::{DRay, DVec3};
+use snell_math::{DRay, DVec2, DVec3};
 
 /// Rays with a coordinate of the origin of at least this magnitude have no useful `f32` form and
 /// visit the whole tree.
@@ -98,7 +98,12 @@ impl TriangleTest for Double {
         line: &DRay,
         corners: &[DVec3; 3],
         ids: [u32; 3],
+        closed: u32,
     ) -> Option<DHit> {
+        if closed != 0 {
+            let found = triangle::exact_hit_closed(line, corners, search.ray.t_min, closed);
+            return double_hit_of(search, found, ids);
+        }
         hit_on(search, line, corners, ids)
     }
 
@@ -147,9 +152,19 @@ fn hit_on<G: Goal<Precision = Double>>(
     search: &Search<'_, G>,
     ray: &DRay,
     corners: &[DVec3; 3],
+    ids: [u32; 3],
+) -> Option<DHit> {
+    double_hit_of(search, triangle::exact_hit(ray, corners, search.ray.t_min), ids)
+}
+
+/// Converts the result of the exact test to a hit; `None` if it is beyond the limit.
+#[inline(always)]
+fn double_hit_of<G: Goal<Precision = Double>>(
+    search: &Search<'_, G>,
+    found: Option<(f64, DVec2)>,
     [instance, geometry, primitive]: [u32; 3],
 ) -> Option<DHit> {
-    let (t, uv) = triangle::exact_hit(ray, corners, search.ray.t_min)?;
+    let (t, uv) = found?;
     // Adding 0 turns -0 into +0.
     let t = t + 0.0;
     (t <= search.goal.limit()).then_some(DHit { t, uv, instance, geometry, primitive })

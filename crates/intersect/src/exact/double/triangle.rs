@@ -7,7 +7,7 @@
 //! or vertex, the same symbolic shift decides.
 
 use super::plane::Estimate;
-use crate::exact::triangle::clamp_to_box;
+use crate::exact::triangle::{clamp_to_box, closed_signs};
 use snell_math::exact::compare_products;
 use snell_math::{DRay, DVec2, DVec3};
 
@@ -69,6 +69,12 @@ fn exact_sign(p: [f64; 2], q: [f64; 2]) -> i32 {
     if [p, q].iter().flatten().all(|x| x.is_finite()) { order.map_or(0, |o| o as i32) } else { 0 }
 }
 
+/// True if the ray passes exactly through a projected edge, or the line of it.
+#[cold]
+fn is_on_edge(p: [f64; 2], q: [f64; 2]) -> bool {
+    compare_products(p[0], q[1], p[1], q[0]).is_some_and(|order| order.is_eq())
+}
+
 /// The exact test. Returns distance and barycentrics `(b1, b2)` if the line of the ray passes
 /// through the projected triangle at `t > t_min`.
 ///
@@ -78,6 +84,19 @@ fn exact_sign(p: [f64; 2], q: [f64; 2]) -> i32 {
 /// inside the triangle's box, and culling by boxes can never lose the hit.
 #[inline(always)]
 pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<(f64, DVec2)> {
+    exact_hit_closed(ray, corners, t_min, 0)
+}
+
+/// Performs [`exact_hit`] for a triangle of which some edges belong to it: those whose bits are set
+/// in `closed`, where bit `i` is the edge opposite of corner `i`. Rays that pass exactly through
+/// them hit.
+#[inline(always)]
+pub(crate) fn exact_hit_closed(
+    ray: &DRay,
+    corners: &[DVec3; 3],
+    t_min: f64,
+    closed: u32,
+) -> Option<(f64, DVec2)> {
     // This first step rejects the triangle on which the ray starts, the most frequent case.
     let estimate = Estimate::of(ray, corners, t_min)?;
     let projection = Projection::new(ray);
@@ -89,6 +108,12 @@ pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<
     let (w0, s0) = edge(p1, p2);
     let (w1, s1) = edge(p2, p0);
     let (w2, s2) = edge(p0, p1);
+    let [s0, s1, s2] = if closed == 0 {
+        [s0, s1, s2]
+    } else {
+        let is_on = [is_on_edge(p1, p2), is_on_edge(p2, p0), is_on_edge(p0, p1)];
+        closed_signs([s0, s1, s2], is_on, closed)
+    };
     if s0 == 0 || s0 != s1 || s0 != s2 {
         return None;
     }

@@ -141,6 +141,8 @@ pub struct Heightfield {
     bounds: Bounds3d,
     /// The largest magnitude of a coordinate.
     largest: f64,
+    /// True if the border belongs to the surface.
+    is_closed: bool,
     /// True if rows and columns run such that triangles from node to node go around clockwise.
     is_mirrored: bool,
     /// The least and largest height of each block, rounded outwards. The least is infinite if all
@@ -152,8 +154,8 @@ pub struct Heightfield {
 
 impl PartialEq for Heightfield {
     fn eq(&self, other: &Self) -> bool {
-        (self.rows, self.columns, self.group_from_grid)
-            == (other.rows, other.columns, other.group_from_grid)
+        (self.rows, self.columns, self.group_from_grid, self.is_closed)
+            == (other.rows, other.columns, other.group_from_grid, other.is_closed)
             && self.heights == other.heights
     }
 }
@@ -204,6 +206,7 @@ impl Heightfield {
             height_scale: map.z_axis.abs().max_element(),
             bounds: Bounds3d::EMPTY,
             largest: 0.0,
+            is_closed: false,
             is_mirrored: map.determinant() < 0.0,
             ranges: Vec::new(),
             cells: 0,
@@ -217,7 +220,44 @@ impl Heightfield {
     /// # Errors
     /// If the number of heights is another one, or one is infinite.
     pub fn with_heights(&self, heights: Heights) -> Result<Self, HeightfieldError> {
-        Self::new(self.rows, self.columns, heights, self.group_from_grid)
+        let made = Self::new(self.rows, self.columns, heights, self.group_from_grid)?;
+        Ok(made.with_closed_border(self.is_closed))
+    }
+
+    /// The surface with a border that belongs to it, or not (the default). A ray that passes exactly
+    /// through the border, at the outermost nodes or at a hole, hits a closed one; through an open
+    /// one, it hits on some sides only, as at the border of a mesh. (At a node of a closed border,
+    /// two triangles may be hit.)
+    pub fn with_closed_border(self, is_closed: bool) -> Self {
+        Self { is_closed, ..self }
+    }
+
+    /// True if the border belongs to the surface.
+    pub fn has_closed_border(&self) -> bool {
+        self.is_closed
+    }
+
+    /// The edges of the triangles of a cell beyond which there is no cell; see
+    /// [`walk::Cell::closed`].
+    #[cold]
+    fn border(&self, row: usize, column: usize) -> [u32; 2] {
+        let is_hole = |row: Option<usize>, column: Option<usize>| match (row, column) {
+            (Some(row), Some(column)) => self.cell_heights(row, column).is_none(),
+            _ => true,
+        };
+        let (here, beside) = (Some(row), Some(column));
+        let is_border = |nodes: [usize; 2]| match nodes {
+            [0, 1] | [1, 0] => is_hole(row.checked_sub(1), beside),
+            [2, 3] | [3, 2] => is_hole(Some(row + 1), beside),
+            [0, 2] | [2, 0] => is_hole(here, column.checked_sub(1)),
+            [1, 3] | [3, 1] => is_hole(here, Some(column + 1)),
+            _ => false,
+        };
+        [0, 1].map(|half| {
+            let nodes = self.half(half);
+            let edges = (0..3).filter(|&i| is_border([nodes[(i + 1) % 3], nodes[(i + 2) % 3]]));
+            edges.fold(0, |bits, edge| bits | 1 << edge)
+        })
     }
 
     /// Computes the ranges of blocks and the number of cells.

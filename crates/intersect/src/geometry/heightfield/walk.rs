@@ -27,6 +27,8 @@ pub(crate) struct Cell {
     pub nodes: [DVec3; 4],
     /// Whether its triangles may be hit.
     pub halves: [bool; 2],
+    /// The edges that belong to each triangle, as bits: bit `i` is the edge opposite of corner `i`.
+    pub closed: [u32; 2],
 }
 
 impl Heightfield {
@@ -100,6 +102,7 @@ impl Heightfield {
                     first: 2 * (row * (self.columns - 1) + column) as u32,
                     nodes: self.cell_nodes(row, column, &z),
                     halves,
+                    closed: if self.is_closed { self.border(row, column) } else { [0; 2] },
                 };
                 match visit(&cell) {
                     Some(end) => limit = end,

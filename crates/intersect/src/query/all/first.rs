@@ -47,7 +47,13 @@ impl DWorld {
         most: usize,
     ) -> AllHits<Double> {
         let rays = rays.into();
-        self.searcher(filter).with_cancel(rays.cancel()).search_first(rays, most)
+        let scaled = self.scaled(&rays);
+        let rays = scaled.as_ref().map_or(rays, |scaled| scaled.of(rays));
+        let all = self.searcher(filter).with_cancel(rays.cancel()).search_first(rays, most);
+        match scaled {
+            Some(scaled) => scaled.restore_all(all),
+            None => all,
+        }
     }
 
     /// The number of hits of each ray, at most `most`; see [`World::count_to`].
@@ -62,6 +68,8 @@ impl DWorld {
         counts: &mut [u32],
     ) {
         let rays = rays.into();
+        let scaled = self.scaled(&rays);
+        let rays = scaled.as_ref().map_or(rays, |scaled| scaled.of(rays));
         self.searcher(filter).with_cancel(rays.cancel()).search_counts_to(rays, most, counts);
     }
 }
