@@ -1,4 +1,4 @@
-"""Kills a render on its way again and again, and compares its picture with that of a render that was left alone.
+"""Kills a render on its way again and again, and compares its picture with an undisturbed one.
 
     python3 bench/kills.py [--snell target/release/snell] [--kills 200] [--seed 1]
 
@@ -20,7 +20,17 @@ import tempfile
 import time
 
 CALLS = ["openat", "write", "fsync", "rename"]
-RENDER = "render cornell-box --size 160x120 --spp 512 --aov depth,crypto-object -q".split()
+RENDER = ["render", "cornell-box", "--size", "64x48", "--spp", "512", "--aov", "depth", "-q"]
+    "render",
+    "cornell-box",
+    "--size",
+    "64x48",
+    "--spp",
+    "512",
+    "--aov",
+    "depth,crypto-object",
+    "-q",
+]
 
 
 def sha256(path: pathlib.Path) -> str:

@@ -84,7 +84,9 @@ def test_names_lead_to_the_files_that_they_mean(tmp_path: Path, name: str) -> No
     assert len(form["images"]) == 1 and "encoded" in form["images"][0]
     shapes = [s["shape"]["shape"] for n in form["nodes"] for s in n.get("surfaces", [])]
     assert sorted(shapes) == ["box", "box", "sphere"]
-    assert len(remarks) == 3 - (name == ".\\Maps\\wood.ppm") and all("was found as" in remark for remark in remarks)
+    assert len(remarks) == 3 - (name == ".\\Maps\\wood.ppm") and all(
+        "was found as" in remark for remark in remarks
+    )
     # Nothing is left changed for the next reading.
     assert snell.usd.convert(path)[1] == remarks
 

@@ -67,8 +67,8 @@ pub fn parameters(define: &[String]) -> Vec<(String, String)> {
     plain.map(|(key, value)| (key.to_string(), value.to_string())).collect()
 }
 
-/// True if all definitions of `-D` are parameters of the file, which have done their work when it was
-/// read.
+/// True if all definitions of `-D` are parameters of the file, which have done their work when it
+/// was read.
 pub fn are_parameters(scene: &Scene, define: &[String]) -> bool {
     define.iter().all(|d| scene.takes_parameter(d.split('=').next().unwrap_or_default()))
 }

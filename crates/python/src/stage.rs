@@ -81,7 +81,8 @@ fn white() -> snell_scene::Material {
     snell_scene::Material::new("", Diffuse::new(Rgb::WHITE))
 }
 
-/// The id of a white matte material on a stage, with which colours of vertices are shown as they are.
+/// The id of a white matte material on a stage, with which colours of vertices are shown as they
+/// are.
 pub fn add_white(contents: &mut Contents) -> MaterialId {
     let stage = contents.stage_mut();
     let wanted = white();

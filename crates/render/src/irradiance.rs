@@ -1,7 +1,7 @@
 //! Irradiance: the light that arrives at points of surfaces, for textures with baked light.
 //!
-//! The points are shaded as if they were white and matte: what leaves them is what arrives. All that
-//! they see keeps its own material, so the light is that of a picture.
+//! The points are shaded as if they were white and matte: what leaves them is what arrives. All
+//! that they see keeps its own material, so the light is that of a picture.
 
 use crate::compile::CompiledScene;
 use crate::integrator::camera_path::{WAVELENGTH, path_of};

@@ -35,8 +35,8 @@ pub struct Options {
     /// Tiles of 16x16 pixels to render again, at random: a number, or all
     #[arg(long, value_name = "N|all", default_value = "60", value_parser = parse_tiles)]
     tiles: Tiles,
-    /// Scene of the picture, or the folder of its plan. Default: the file that the picture names, in
-    /// its folder or the current one
+    /// Scene of the picture, or the folder of its plan. Default: the file that the picture names,
+    /// in its folder or the current one
     #[arg(long, value_name = "FILE|FOLDER")]
     scene: Option<PathBuf>,
     /// Threads. Default: one per core

@@ -89,8 +89,8 @@ fn in_words(error: &ImageError) -> String {
     words.trim_end_matches('.').to_string()
 }
 
-/// The texts of a PNG file, by their keywords; none if the file is another or is damaged. Compressed
-/// texts are left out.
+/// The texts of a PNG file, by their keywords; none if the file is another or is damaged.
+/// Compressed texts are left out.
 pub fn png_metadata(bytes: &[u8]) -> Vec<(String, String)> {
     let limits = ::png::Limits { bytes: bytes.len().saturating_mul(2) };
     let decoder = ::png::Decoder::new_with_limits(Cursor::new(bytes), limits);

@@ -2,8 +2,9 @@
 //!
 //! The header has lines of a word and its values: `FIELDS`, `SIZE`, `TYPE` (`I`, `U` or `F`),
 //! `COUNT`, `WIDTH`, `HEIGHT`, `VIEWPOINT`, `POINTS` and `DATA`. Used are `x y z` and the colour
-//! `rgb` or `rgba`: 32 bits, of which the lowest are blue, declared as a float or an integer. Points
-//! of NaN are those that a scan has missed. As in PCL, the viewpoint does not move the points.
+//! `rgb` or `rgba`: 32 bits, of which the lowest are blue, declared as a float or an integer.
+//! Points of NaN are those that a scan has missed. As in PCL, the viewpoint does not move the
+//! points.
 //!
 //! Compressed data are the size before and after, and one block of LZF in which each field is one
 //! piece.

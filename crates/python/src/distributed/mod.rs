@@ -17,8 +17,8 @@ use snell_formats::{Limits, ReadOptions, read_scene_bytes};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A scene as bytes, for pictures: what [`_unpack_scene`] reads gives the same ones. They are larger
-/// than what pickling gives, and keep the objects as they were read from a file.
+/// A scene as bytes, for pictures: what [`_unpack_scene`] reads gives the same ones. They are
+/// larger than what pickling gives, and keep the objects as they were read from a file.
 #[pyfunction]
 pub fn _pack_scene<'py>(
     py: Python<'py>,

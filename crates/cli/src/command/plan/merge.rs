@@ -27,7 +27,8 @@ pub struct Options {
     /// the scene's name with .png
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Scene of the checkpoints. Default: the file that they name, in their folder or the current one
+    /// Scene of the checkpoints. Default: the file that they name, in their folder or the current
+    /// one
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Write statistics as JSON

@@ -1,4 +1,5 @@
-//! `snell plan`, `snell work` and `snell merge`: a render that many machines share through a folder.
+//! `snell plan`, `snell work` and `snell merge`: a render that many machines share through a
+//! folder.
 
 mod export;
 pub mod folder;
@@ -26,7 +27,7 @@ const MOST_TASKS: u32 = 256;
 #[group(skip)]
 #[command(
     args_conflicts_with_subcommands = true,
-    override_usage = "snell plan [OPTIONS] [SCENE] --output <FOLDER>\n       snell plan status <FOLDER>\n       snell plan export <SCHEDULER> <FOLDER>",
+    override_usage = USAGE,
     after_help = EXAMPLES,
 )]
 pub struct Options {
@@ -36,13 +37,28 @@ pub struct Options {
     #[command(flatten)]
     render: render::Options,
     /// Tiles of 16x16 pixels in a task. Default: so many that a picture has at most 256 tasks
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "The plan")]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..),
+        help_heading = "The plan",
+    )]
     tiles_per_task: Option<u32>,
     /// Samples per pixel in a task, a multiple of 16, for few pixels with very many samples.
     /// Default: all
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "The plan")]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..),
+        help_heading = "The plan",
+    )]
     samples_per_task: Option<u32>,
 }
+
+/// The three ways to call the sub-command.
+const USAGE: &str = "snell plan [OPTIONS] [SCENE] --output <FOLDER>
+       snell plan status <FOLDER>
+       snell plan export <SCHEDULER> <FOLDER>";
 
 /// Examples below the help.
 const EXAMPLES: &str = "Examples:

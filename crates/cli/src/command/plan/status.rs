@@ -27,7 +27,12 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// The picture of an animation to write, from 1
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        value_parser = clap::value_parser!(u32).range(1..),
+    )]
     frame: u32,
     /// Print JSON
     #[arg(long)]

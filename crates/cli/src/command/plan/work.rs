@@ -1,8 +1,10 @@
 //! `snell work`: renders tasks of a plan until none is left.
 
+mod claims;
+
 use super::FolderOption;
 use super::folder::{Folder, Round};
-use super::leases::{Lease, Leases, Other};
+use super::leases::{Leases, Other};
 use super::results::{self, Gaps, Stored};
 use crate::command::render::{self, frames::Frame, stage::Stage};
 use crate::failure::Failure;
@@ -10,7 +12,6 @@ use crate::progress::duration;
 use crate::{interrupt, threads};
 use snell_formats::atomic;
 use snell_formats::error::one_line;
-use snell_math::rng;
 use snell_math::simd::Level;
 use snell_render::{Job, Progress, Settings, Task, TaskResult, Underway, with_patience};
 use std::collections::{BTreeSet, HashMap};
@@ -30,9 +31,6 @@ const STUBBORN: Duration = Duration::from_secs(600);
 /// With more pictures than this, workers do not begin with the first.
 const MANY_PICTURES: usize = 32;
 
-/// A task that takes another worker this many times as long as this one is done twice.
-const STRAGGLER: u32 = 4;
-
 /// Options of `snell work`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
@@ -46,7 +44,12 @@ pub struct Options {
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// After this time without a sign of life of another worker its task is taken over
-    #[arg(long, value_name = "TIME", value_parser = render::options::parse_duration, default_value = "60s")]
+    #[arg(
+        long,
+        value_name = "TIME",
+        value_parser = render::options::parse_duration,
+        default_value = "60s",
+    )]
     lease: Duration,
     /// Threads. Default: one per core
     #[arg(short, long, value_name = "N", value_parser = threads::number())]
@@ -162,14 +165,6 @@ enum End {
 /// A task with its number in its round.
 type Numbered = (u32, Task);
 
-/// The tasks of a round without results.
-struct OpenTasks {
-    /// Those that nobody renders.
-    free: Vec<Numbered>,
-    /// Those that others render.
-    leased: Vec<Numbered>,
-}
-
 /// A picture that this worker works on.
 struct Picture<'a> {
     frame: u32,
@@ -248,21 +243,6 @@ impl Worker<'_> {
         let Some(round) = self.folder.newest_round(frame) else { return false };
         let names = round.names();
         self.busy.get(&frame) == Some(&names) && !self.has_late(&round, &names)
-    }
-
-    /// True if the worker of some task of a round is dead or takes too long.
-    fn has_late(&mut self, round: &Round, names: &BTreeSet<String>) -> bool {
-        let too_long = self.too_long();
-        let leases = names.iter().filter(|name| name.ends_with(".lease"));
-        let late = |other| !matches!(other, Other::Alive(time) if time < too_long);
-        // Every lease is looked at, because the time of the first look counts.
-        leases.fold(false, |any, name| late(self.leases.look(&round.path.join(name))) | any)
-    }
-
-    /// The time after which a task is done twice.
-    fn too_long(&self) -> Duration {
-        let usual = self.spent.checked_div(self.done).unwrap_or(self.options.lease);
-        (usual * STRAGGLER).max(Duration::from_secs(2))
     }
 
     /// The numbers of the first and last task for this worker, if not all are.
@@ -420,24 +400,6 @@ impl Worker<'_> {
         *pause = (*pause * 2).min(PAUSES[1]);
     }
 
-    /// The tasks of a round without results, as the folder is now. They are in random order, so that
-    /// workers rarely want the same; in the order of their numbers, if these are given.
-    fn open_tasks(&self, round: &Round, tasks: &[Numbered]) -> OpenTasks {
-        let names = round.names();
-        let has =
-            |task: &Task, kind: &str| names.contains(&format!("{}.{kind}", Round::stem(task)));
-        let mut left: Vec<Numbered> = tasks.to_vec();
-        left.retain(|(_, task)| !has(task, "result"));
-        if self.options.tasks.is_some() {
-            left.reverse();
-            return OpenTasks { free: left, leased: Vec::new() };
-        }
-        let key = rng::hash_combine(self.done, RandomState::new().hash_one(&self.name) as u32);
-        left.sort_by_key(|(number, _)| rng::hash_combine(key, *number));
-        let (leased, free) = left.into_iter().partition(|(_, task)| has(task, "lease"));
-        OpenTasks { free, leased }
-    }
-
     fn is_ours(&self, frame: u32, number: u32) -> bool {
         let global = u64::from(frame) * u64::from(self.folder.plan.tasks) + u64::from(number);
         self.numbers().is_none_or(|[first, last]| (first..=last).contains(&global))
@@ -453,49 +415,6 @@ impl Worker<'_> {
             })?;
         }
         Ok(End::Finished)
-    }
-
-    /// Takes a task that nobody renders. If there is none, takes one whose worker is dead or takes
-    /// too long.
-    fn claim(
-        &mut self,
-        round: &Round,
-        open: &mut OpenTasks,
-    ) -> Result<Option<(u32, Task, Option<Lease>)>, Failure> {
-        while let Some((number, task)) = open.free.pop() {
-            // Schedulers that number their tasks know that nobody else renders them.
-            let lease = match self.options.tasks {
-                Some(_) => None,
-                None => {
-                    let path = round.lease(&task);
-                    match self.insist(&path, &mut || self.leases.take(&path))? {
-                        None => continue,
-                        lease => lease,
-                    }
-                }
-            };
-            if !round.result(&task).is_file() {
-                return Ok(Some((number, task, lease)));
-            }
-        }
-        let too_long = self.too_long();
-        while let Some((number, task)) = open.leased.pop() {
-            let path = round.lease(&task);
-            let lease = match self.leases.look(&path) {
-                Other::Alive(time) if time < too_long => continue,
-                // It is done twice, and whoever comes first counts.
-                Other::Alive(_) => None,
-                Other::Dead => {
-                    self.say(format!("the worker of {} gives no sign of life", path.display()));
-                    Some(self.insist_mut(&path, &mut |leases| leases.take_over(&path))?)
-                }
-                Other::Gone => self.insist(&path, &mut || self.leases.take(&path))?,
-            };
-            if !round.result(&task).is_file() {
-                return Ok(Some((number, task, lease)));
-            }
-        }
-        Ok(None)
     }
 
     /// Renders a task and stores its result. Returns false if it was interrupted.

@@ -140,7 +140,8 @@ pub fn tile_hash(tile: &FilmTile) -> [u8; HASH_BYTES] {
     first
 }
 
-/// The SHA-256 of the names and contents of all files that were read, or of a built-in scene's name.
+/// The SHA-256 of the names and contents of all files that were read, or of a built-in scene's
+/// name.
 pub fn scene_sha256(options: &Options) -> String {
     let folder = options.scene.parent().unwrap_or(Path::new(""));
     let files = options.sources.as_ref().map(Sources::list).unwrap_or_default();
@@ -159,8 +160,8 @@ pub fn scene_sha256(options: &Options) -> String {
     hex(lines.concat().as_bytes())
 }
 
-/// The options of `snell render` that were given, except those with these ids, in the order in which
-/// they are declared: as arguments that give the same options again.
+/// The options of `snell render` that were given, except those with these ids, in the order in
+/// which they are declared: as arguments that give the same options again.
 pub fn arguments(matches: &ArgMatches, except: &[&str]) -> Vec<String> {
     let command = <Options as clap::Args>::augment_args(Command::new("render"));
     let mut arguments = Vec::new();

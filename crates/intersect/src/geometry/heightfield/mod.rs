@@ -224,10 +224,10 @@ impl Heightfield {
         Ok(made.with_closed_border(self.is_closed))
     }
 
-    /// The surface with a border that belongs to it, or not (the default). A ray that passes exactly
-    /// through the border, at the outermost nodes or at a hole, hits a closed one; through an open
-    /// one, it hits on some sides only, as at the border of a mesh. (At a node of a closed border,
-    /// two triangles may be hit.)
+    /// The surface with a border that belongs to it, or not (the default). A ray that passes
+    /// exactly through the border, at the outermost nodes or at a hole, hits a closed one; through
+    /// an open one, it hits on some sides only, as at the border of a mesh. (At a node of a closed
+    /// border, two triangles may be hit.)
     pub fn with_closed_border(self, is_closed: bool) -> Self {
         Self { is_closed, ..self }
     }

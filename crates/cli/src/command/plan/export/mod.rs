@@ -29,7 +29,12 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// Number of workers, where tasks are not numbered
-    #[arg(long, value_name = "N", default_value_t = WORKERS, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = WORKERS,
+        value_parser = clap::value_parser!(u32).range(1..),
+    )]
     workers: u32,
     /// Container image with `snell`, for Kubernetes
     #[arg(long, value_name = "NAME", default_value = "snell")]

@@ -1,4 +1,5 @@
-//! A job template of Open Job Description (specification 2023-09, with the extension TASK_CHUNKING).
+//! A job template of Open Job Description (specification 2023-09, with the extension
+//! TASK_CHUNKING).
 
 use super::{Job, quoted};
 use std::path::Path;
@@ -79,8 +80,8 @@ steps:
     )
 }
 
-/// The default of a path parameter, which must be relative to the template's folder. Without one, who
-/// submits the job must give the path.
+/// The default of a path parameter, which must be relative to the template's folder. Without one,
+/// who submits the job must give the path.
 fn default(job: &Job, path: &str) -> String {
     match Path::new(path).strip_prefix(&job.base) {
         Ok(inside) => format!("\n  default: {}", quoted(&inside.to_string_lossy())),
