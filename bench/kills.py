@@ -21,16 +21,6 @@ import time
 
 CALLS = ["openat", "write", "fsync", "rename"]
 RENDER = ["render", "cornell-box", "--size", "64x48", "--spp", "512", "--aov", "depth", "-q"]
-    "render",
-    "cornell-box",
-    "--size",
-    "64x48",
-    "--spp",
-    "512",
-    "--aov",
-    "depth,crypto-object",
-    "-q",
-]
 
 
 def sha256(path: pathlib.Path) -> str:
