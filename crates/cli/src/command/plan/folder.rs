@@ -223,6 +223,18 @@ impl Folder {
         Ok(frames)
     }
 
+    /// Makes a folder in that of the plan, if it is not there yet.
+    ///
+    /// # Errors
+    /// If the plan itself is gone: a folder that was removed must not come back half.
+    pub fn make(&self, path: &Path) -> std::io::Result<()> {
+        if !self.path.join(FILE).is_file() {
+            let problem = "the plan is gone from its folder";
+            return Err(std::io::Error::new(std::io::ErrorKind::NotFound, problem));
+        }
+        std::fs::create_dir_all(path)
+    }
+
     /// The folder of a picture.
     pub fn frame(&self, frame: u32) -> PathBuf {
         self.path.join("frames").join(format!("{frame:05}"))

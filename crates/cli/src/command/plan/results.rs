@@ -59,7 +59,7 @@ pub fn store(
     worker: &str,
     result: &TaskResult,
 ) -> std::io::Result<Stored> {
-    std::fs::create_dir_all(&round.path)?;
+    folder.make(&round.path)?;
     let path = round.result(&result.task);
     let plan = folder.plan.fingerprint.clone();
     let origin = Origin { plan, frame, worker: worker.into() };

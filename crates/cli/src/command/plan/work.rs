@@ -287,7 +287,7 @@ impl Worker<'_> {
         let (path, place) = (folder.field(frame), folder.field_lease(frame));
         let facts = folder.plan.facts(frame);
         let parent = folder.frame(frame);
-        self.insist(&parent, &mut || std::fs::create_dir_all(&parent))?;
+        self.insist(&parent, &mut || folder.make(&parent))?;
         let mut pause = PAUSES[0];
         loop {
             if interrupt::is_requested() {
@@ -340,7 +340,7 @@ impl Worker<'_> {
             if tasks.is_empty() {
                 return self.end(&picture);
             }
-            self.insist(&round.path, &mut || std::fs::create_dir_all(&round.path))?;
+            self.insist(&round.path, &mut || self.folder.make(&round.path))?;
             match self.work_on_round(&mut picture, &round, &tasks)? {
                 End::Finished => {}
                 end => return Ok(end),
@@ -410,7 +410,7 @@ impl Worker<'_> {
         if self.options.tasks.is_none() {
             let path = self.folder.frame(picture.frame);
             self.insist(&path, &mut || {
-                std::fs::create_dir_all(&path)?;
+                self.folder.make(&path)?;
                 self.folder.set_finished(picture.frame)
             })?;
         }
