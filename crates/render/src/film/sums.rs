@@ -59,9 +59,9 @@ impl Sums {
         }
     }
 
-    /// Takes sums that were read from a file for those of a tile with this layout. Returns `None`
-    /// if they cannot be.
-    pub fn of_layout(self, layout: Layout) -> Option<Self> {
+    /// Takes sums that were read from a file for those of a tile with this layout, over so many
+    /// samples at most. Returns `None` if they cannot be.
+    pub fn of_layout(self, layout: Layout, most: u32) -> Option<Self> {
         let Layout { pixels, channels, coverages, is_signed } = layout;
         let signed = |count: usize| if is_signed { count } else { 0 };
         let has_sizes = self.taken.len() == pixels
@@ -76,7 +76,9 @@ impl Sums {
             && self.plain.iter().chain(self.blocks.as_flattened()).all(|n| n.is_finite());
         let is_ascending =
             self.coverage.iter().all(|list| list.windows(2).all(|pair| pair[0].0 < pair[1].0));
-        (has_sizes && is_finite && is_ascending).then_some(Self { layout, ..self })
+        let are_counts = self.taken.iter().all(|&count| count <= most)
+            && self.coverage.iter().flatten().all(|&(_, count)| count <= most);
+        (has_sizes && is_finite && is_ascending && are_counts).then_some(Self { layout, ..self })
     }
 
     /// Adds the samples `from..to` of a part, counted from its first, to the given pixels.

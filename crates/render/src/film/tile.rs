@@ -140,8 +140,10 @@ impl FilmTile {
         if !(is_ascending && has_sizes && runs.iter().all(Run::is_sum)) {
             return None;
         }
-        let of_layout =
-            |run: Run| Some(Run { samples: run.samples, sums: run.sums.of_layout(self.layout)? });
+        let of_layout = |Run { samples, sums }: Run| {
+            let sums = sums.of_layout(self.layout, samples[1] - samples[0])?;
+            Some(Run { samples, sums })
+        };
         let runs = runs.into_iter().map(of_layout).collect::<Option<_>>()?;
         Some(Self {
             area: self.area,

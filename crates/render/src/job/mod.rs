@@ -69,9 +69,10 @@ impl RayCounts {
 
 impl AddAssign for RayCounts {
     fn add_assign(&mut self, other: Self) {
-        self.camera += other.camera;
-        self.shadow += other.shadow;
-        self.indirect += other.indirect;
+        // Numbers of a file may be any.
+        self.camera = self.camera.saturating_add(other.camera);
+        self.shadow = self.shadow.saturating_add(other.shadow);
+        self.indirect = self.indirect.saturating_add(other.indirect);
     }
 }
 

@@ -145,10 +145,10 @@ impl Statistics {
         (self.training, self.training_passes) = (other.training, other.training_passes);
         (self.guiding_regions, self.guiding_bytes) = (other.guiding_regions, other.guiding_bytes);
         self.rays += other.rays;
-        self.samples += other.samples;
-        self.invalid_samples += other.invalid_samples;
-        self.cut_paths += other.cut_paths;
-        self.tracing += other.tracing;
+        self.samples = self.samples.saturating_add(other.samples);
+        self.invalid_samples = self.invalid_samples.saturating_add(other.invalid_samples);
+        self.cut_paths = self.cut_paths.saturating_add(other.cut_paths);
+        self.tracing = self.tracing.saturating_add(other.tracing);
     }
 }
 
@@ -156,7 +156,8 @@ impl Job<'_> {
     /// Renders a task of the current round. The state is not changed, so that tasks can be rendered
     /// in any order.
     ///
-    /// Returns `None` if `keep_going` has ended it early, or if the film has no such tiles.
+    /// Returns `None` if `keep_going` has ended it early, if the film has no such tiles, or if the
+    /// samples do not begin with a block of 16.
     pub fn perform(
         &self,
         underway: &mut Underway,
@@ -170,6 +171,9 @@ impl Job<'_> {
         let counts: Vec<u64> = (first..end).map(|tile| underway.count(tile)).collect();
         let active = &underway.active[first..end];
         let [start, until] = task.samples;
+        if !start.is_multiple_of(BLOCK) || start >= until {
+            return None;
+        }
         let order = tile_order(film.tiles.len(), self.settings.tile_order);
         let parts = Parts::new(order, |tile| match self.settings.noise {
             Some(_) => Ranges::of_round(task.samples, counts[tile]),

@@ -6,6 +6,8 @@
 //! A finished guiding field is the last chunk, so that it is not trained again.
 
 mod chunk;
+#[cfg(test)]
+mod hostile;
 mod input;
 mod result;
 
