@@ -89,6 +89,7 @@ def main() -> int:
             return 1
         pictures += 1
         wrong += sha256(folder / "a.exr") != whole
+        print(f"{sum(kills.values())} kills", file=sys.stderr, flush=True)
     shutil.rmtree(folder)
     print(f"a render alone takes {alone:.2f} s; load {os.getloadavg()[0]:.1f}")
     print(", ".join(f"{count} {kind}" for kind, count in kills.items()))
