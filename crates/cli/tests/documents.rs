@@ -213,7 +213,8 @@ fn snell(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
     for (i, word) in arguments.iter().enumerate() {
         if ["-o", "--output", "--stats"].contains(&word.as_str()) && arguments[i + 1] != "-" {
             let path = folder.join(&arguments[i + 1]);
-            let is_written = path.is_file() || first_frame(&path).is_file();
+            let is_plan = arguments[0] == "plan" && path.is_dir();
+            let is_written = is_plan || path.is_file() || first_frame(&path).is_file();
             assert!(is_written, "{place}: {} was not written", arguments[i + 1]);
         }
     }

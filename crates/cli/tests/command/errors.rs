@@ -180,7 +180,7 @@ fn a_broken_file_names_place_problem_and_remedy() {
     1 error: word.scn:2:16: found "big", expected the radius of the sphere, a number; write it as: sphere material center(3) radius
     1 error: short.nff:3: the file ends where `at` was expected; write it as: v from x y z at x y z up x y z angle degrees hither distance resolution width height
     1 error: word.pbrt:2:35: found "big", expected a number of radius; write a number
-    1 error: what.xyz: this is not a scene or mesh format that Snell knows, neither by its content nor by its extension; use one of: snell, gltf, minray, nff, nanovdb, pbrt, mitsuba, scn, ply, off, stl, ray, obj (`snell formats` says more)
+    1 error: what.xyz: this is not a scene or mesh format that Snell knows, neither by its content nor by its extension; use one of: snell, gltf, minray, nff, nanovdb, pbrt, mitsuba, scn, ply, pcd, off, stl, ray, obj (`snell formats` says more)
     0 rendered
     "#);
 }

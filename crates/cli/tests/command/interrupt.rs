@@ -88,22 +88,34 @@ fn ctrl_c_before_anything_is_rendered_leaves_the_picture_that_is_there() {
     assert_eq!((place.image("a.png").width, place.files()), (20, vec!["a.png".to_string()]));
 }
 
-/// A billion coincident spheres: a ray near them intersects them all.
+/// Coincident spheres, `each` times as many with every level: a ray near them intersects them all.
+#[cfg(unix)]
+fn crowd(levels: usize, each: usize) -> String {
+    let children = |i: usize| format!("{{\"children\": {:?}}}, ", vec![i + 1; each]);
+    let nodes: String = (0..levels).map(children).collect();
+    let sphere = r#"{"surfaces": [{"shape": {"shape": "sphere", "radius": 1}}]}"#;
+    format!(r#"{{"format": "snell scene", "version": 1, "root": 0, "nodes": [{nodes}{sphere}]}}"#)
+}
+
 #[cfg(unix)]
 #[test]
-fn ctrl_c_ends_a_render_whose_first_ray_takes_hours() {
+fn rays_that_would_take_hours_are_refused_before_the_first() {
     let place = Place::new();
-    let children = |i: usize| format!("{{\"children\": {:?}}}, ", [i + 1; 10]);
-    let nodes: String = (0..9).map(children).collect();
-    let sphere = r#"{"surfaces": [{"shape": {"shape": "sphere", "radius": 1}}]}"#;
-    let scene = format!(
-        r#"{{"format": "snell scene", "version": 1, "root": 0, "nodes": [{nodes}{sphere}]}}"#
-    );
-    place.write("a.snell", &scene);
+    place.write("a.snell", crowd(9, 10));
+    let run = place.run("render a.snell --size 16x12 --spp 1 -o a.png");
+    assert_eq!(run.code, 1, "{}", run.err);
+    assert!(run.err.contains("a.snell: instances overlap so much"), "{}", run.err);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_render_whose_rays_take_long() {
+    let place = Place::new();
+    place.write("a.snell", crowd(5, 13));
     for integrator in ["path", "whitted"] {
         let start = Instant::now();
         let words = format!(
-            "render a.snell --size 16x12 --spp 1 -i {integrator} -t 2 --progress none -o a.png"
+            "render a.snell --size 400x300 --spp 64 -i {integrator} -t 2 --progress none -o a.png"
         );
         let (code, rest) = interrupted(&place, &words, Some(5));
         assert_eq!(code, Some(130), "{rest}");

@@ -81,7 +81,7 @@ pub fn most_runs(samples: u32) -> u32 {
 }
 
 /// What a tile has gathered, as it is stored and sent.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TileState {
     runs: Vec<Run>,
     first: Vec<f32>,

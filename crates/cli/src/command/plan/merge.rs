@@ -114,8 +114,10 @@ fn merge_checkpoints(options: &Options) -> Result<ExitCode, Failure> {
             header.map_err(|error| problem(path, error))
         })
         .collect::<Result<_, _>>()?;
-    let (first, facts) = (&options.folders[0], &headers[0].facts);
-    let receipt = Receipt::parse(&headers[0].note)?;
+    // The largest number of samples holds the samples of the others.
+    let most = (0..headers.len()).max_by_key(|&i| headers[i].spp).unwrap_or_default();
+    let (first, facts) = (&options.folders[most], &headers[most].facts);
+    let receipt = Receipt::parse(&headers[most].note)?;
     let scene = options.scene.clone().unwrap_or_else(|| again::named_scene(&receipt, first));
     let (render_options, scene) = again::scene_of(&receipt, &scene)?;
     let default = PathBuf::from(&receipt.scene).with_extension("png");
