@@ -115,7 +115,8 @@ fn merge_checkpoints(options: &Options) -> Result<ExitCode, Failure> {
         })
         .collect::<Result<_, _>>()?;
     // The largest number of samples holds the samples of the others.
-    let most = (0..headers.len()).max_by_key(|&i| headers[i].spp).unwrap_or_default();
+    let samples = |&i: &usize| (headers[i].spp, std::cmp::Reverse(i));
+    let most = (0..headers.len()).max_by_key(samples).unwrap_or_default();
     let (first, facts) = (&options.folders[most], &headers[most].facts);
     let receipt = Receipt::parse(&headers[most].note)?;
     let scene = options.scene.clone().unwrap_or_else(|| again::named_scene(&receipt, first));
