@@ -90,8 +90,8 @@ fn check_pose(pose: DMat4, may_scale: bool, name: &str) -> PyResult<DMat4> {
     }
     if !may_scale && lengths.iter().any(|length| (length - 1.0).abs() > RIGID) {
         return Err(PyValueError::new_err(format!(
-            "{name}: its axes (the first three columns) have the lengths {}, {} and {}, expected 1; \
-             divide the scale out",
+            "{name}: its axes (the first three columns) have the lengths {}, {} and {}, expected \
+             1; divide the scale out",
             lengths[0], lengths[1], lengths[2]
         )));
     }
@@ -187,8 +187,8 @@ impl Camera {
         }
         if k[0] < 0.0 || k[4] < 0.0 {
             return Err(PyValueError::new_err(format!(
-                "K: fx is {} and fy is {}, expected positive numbers; a picture that is mirrored or \
-                 upside down has another pose",
+                "K: fx is {} and fy is {}, expected positive numbers; a picture that is mirrored \
+                 or upside down has another pose",
                 k[0], k[4]
             )));
         }
@@ -206,8 +206,8 @@ impl Camera {
             crate::encoding::warn(
                 K.py(),
                 format!(
-                    "K: fx is {} and fy is {} for a picture of {} x {} pixels; if they are relative \
-                     to its size, multiply the first row by the width and the second by the height",
+                    "K: fx is {} and fy is {} for a picture of {} x {} pixels; if they are \
+                     relative to its size, multiply the first row by the width and the second by the height",
                     k[0], k[4], size[0], size[1]
                 ),
             )?;

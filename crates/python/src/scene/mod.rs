@@ -125,8 +125,8 @@ impl Scene {
     ///     Colours at the vertices, which the material's colour is multiplied by: floats are
     ///     linear, from 0 to 1; uint8 and uint16 are sRGB.
     /// material : Material or list of Material, optional
-    ///     For rendering; if left out, white for a mesh with colours, otherwise grey. For a list, `material_ids` selects the material of each
-    ///     face.
+    ///     For rendering; if left out, white for a mesh with colours, otherwise grey. For a list,
+    ///     `material_ids` selects the material of each face.
     /// material_ids : array (m,) of integers, optional
     ///     Index in the list for each face; the first material if left out.
     /// times : array (k,), optional

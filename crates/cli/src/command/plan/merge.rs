@@ -200,8 +200,8 @@ fn unfinished(gaps: &Gaps, round: u32, frame: u32, folder: &Folder) -> Failure {
     Failure::Other(match gaps.missing.len() {
         0 => format!("{path}: {picture}the last round is not ended; run snell work {path}"),
         count => format!(
-            "{path}: {picture}{count} of {} tasks{of_round} have no result ({}{more}); run snell work \
-             {path}",
+            "{path}: {picture}{count} of {} tasks{of_round} have no result ({}{more}); run snell \
+             work {path}",
             gaps.tasks,
             named.join(", ")
         ),
