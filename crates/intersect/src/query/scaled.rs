@@ -129,7 +129,7 @@ mod tests {
             origin: DVec3::new(number(i, 1.3), number(i, 2.7), 2.0) * size,
             direction: DVec3::new(number(i, 3.1) * 0.2, number(i, 4.9) * 0.2, -1.0) * length,
             t_min: 0.5 * size / length,
-            t_max: if i % 5 == 0 { size / length } else { f64::INFINITY },
+            t_max: if i.is_multiple_of(5) { size / length } else { f64::INFINITY },
         };
         (0..200).map(ray).collect()
     }

@@ -1,9 +1,9 @@
 //! `--preview`: the picture so far, as a file that is written again and again.
 
 use super::options::{DisplayEncoding, Options};
+use snell_formats::atomic;
 use snell_formats::error::one_line;
 use snell_formats::image::{self, Display, Tonemap, WriteOptions};
-use snell_formats::{WriteError, atomic};
 use snell_render::{Film, IntegratorKind, Job};
 use snell_scene::Scene;
 use std::path::Path;
@@ -33,8 +33,7 @@ impl<'a> Preview<'a> {
     pub fn write(&mut self, film: &Film, job: &Job) {
         let picture = snell_render::picture(film, job.settings(), job.scene());
         let encoded = image::encode_image(self.path, &picture, &self.writing);
-        let written = encoded.map_err(WriteError::from);
-        let written = written.and_then(|bytes| atomic::write(self.path, &bytes));
+        let written = encoded.and_then(|bytes| atomic::write(self.path, &bytes));
         if let Err(error) = written
             && !std::mem::replace(&mut self.has_failed, true)
             && !self.is_quiet
