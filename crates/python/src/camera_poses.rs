@@ -207,7 +207,8 @@ impl Camera {
                 K.py(),
                 format!(
                     "K: fx is {} and fy is {} for a picture of {} x {} pixels; if they are \
-                     relative to its size, multiply the first row by the width and the second by the height",
+                     relative to its size, multiply the first row by the width and the second by \
+                     the height",
                     k[0], k[4], size[0], size[1]
                 ),
             )?;

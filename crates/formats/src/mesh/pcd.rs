@@ -352,8 +352,8 @@ mod tests {
     fn file(data: &str, body: &[u8]) -> Vec<u8> {
         let header = format!(
             "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb ring\nSIZE \
-            4 4 4 4 2\nTYPE F F F F U\nCOUNT 1 1 1 1 1\nWIDTH 2\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n\
-            POINTS 2\nDATA {data}\n"
+            4 4 4 4 2\nTYPE F F F F U\nCOUNT 1 1 1 1 1\nWIDTH 2\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 \
+            0\nPOINTS 2\nDATA {data}\n"
         );
         [header.as_bytes(), body].concat()
     }
