@@ -242,6 +242,35 @@ fn a_wrong_tile_is_found_and_right_pictures_pass() {
 }
 
 #[test]
+fn a_receipt_of_a_stranger_writes_nothing_and_loads_nothing() {
+    let place = Place::new();
+    place.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    place.run("render a.obj --size 32x16 --spp 1 -q -o a.exr").done();
+    let verify = |argument: &str| {
+        let mut picture = place.layers("a.exr");
+        for (key, text) in &mut picture.metadata {
+            if key == "Receipt" {
+                *text = text.replace("--spp=1", argument);
+            }
+        }
+        let options = snell_formats::image::WriteOptions::default();
+        snell_formats::image::write_image(&place.path("b.exr"), &picture, &options)
+            .expect("it is writable");
+        place.run("verify b.exr")
+    };
+    for argument in ["--stats=s.json", "--output=o.png", "--display=tev://127.0.0.1:9"] {
+        let run = verify(argument);
+        assert_eq!(run.code, 2, "{run:?}");
+        assert!(run.err.contains("which no file may"), "{}", run.err);
+    }
+    // The library is not looked for, because nothing is denoised to verify.
+    place.write("evil.so", "no library");
+    let run = verify("--denoise=evil.so");
+    assert!(!run.err.contains("evil"), "{}", run.err);
+    assert!(!place.path("s.json").exists() && !place.path("o.png").exists());
+}
+
+#[test]
 fn plans_are_written_as_jobs_of_schedulers() {
     let place = Place::new();
     place.run("plan cornell-box --size 64x32 --spp 4 --tiles-per-task 1 -q -o plan").done();

@@ -14,9 +14,8 @@
 //! ```
 
 use crate::command::render::output::{hex, sha256_of_file};
-use crate::command::render::{self, frames::Frame, stage::Stage};
+use crate::command::render::{self, frames::Frame, receipt, stage::Stage};
 use crate::failure::Failure;
-use clap::FromArgMatches;
 use serde::{Deserialize, Serialize};
 use snell_formats::error::one_line;
 use snell_formats::{ReadOptions, atomic};
@@ -177,6 +176,10 @@ impl Folder {
                 ),
             ));
         }
+        let is_name = |name: &str| Path::new(name).file_name() == Some(std::ffi::OsStr::new(name));
+        if !is_name(&plan.bundle) || !is_name(&plan.picture) {
+            return Err(hopeless(&file, "this plan names files outside of its folder"));
+        }
         if plan.fingerprint != plan.computed_fingerprint() {
             return Err(hopeless(&file, "this plan was changed after it was made; make it anew"));
         }
@@ -185,14 +188,7 @@ impl Folder {
 
     /// The options of `snell render` with which the plan is rendered.
     pub fn render_options(&self) -> Result<render::Options, Failure> {
-        let scene = self.path.join(&self.plan.bundle).into_os_string();
-        let command = <render::Options as clap::Args>::augment_args(clap::Command::new("render"));
-        let arguments = self.plan.arguments.iter().map(Into::into);
-        let all = ["render".into(), scene].into_iter().chain(arguments);
-        let matches = command.try_get_matches_from(all);
-        matches
-            .and_then(|matches| render::Options::from_arg_matches(&matches))
-            .map_err(|error| hopeless(&self.path.join(FILE), error.render()))
+        receipt::options_of(&self.path.join(&self.plan.bundle), &self.plan.arguments)
     }
 
     /// Reads the scene.

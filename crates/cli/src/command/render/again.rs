@@ -6,7 +6,6 @@ use super::stage::Stage;
 use super::{Merged, Options, Session, frames, load};
 use crate::failure::Failure;
 use crate::{interrupt, scene_source};
-use clap::FromArgMatches;
 use snell_math::simd::Level;
 use snell_scene::Scene;
 use std::ffi::{OsStr, OsString};
@@ -23,15 +22,8 @@ pub fn named_scene(receipt: &Receipt, picture: &Path) -> PathBuf {
 ///
 /// # Errors
 /// If the scene, or a file that it names, is not the one of the receipt.
-pub fn scene_of(receipt: &Receipt, path: &Path) -> Result<(Options, Scene), Failure> {
-    let command = <Options as clap::Args>::augment_args(clap::Command::new("render"));
-    let arguments = receipt.arguments.iter().map(Into::into);
-    let all = ["render".into(), path.as_os_str().to_owned()].into_iter().chain(arguments);
-    let matches = command.try_get_matches_from(all);
-    let render_options = matches
-        .and_then(|matches| Options::from_arg_matches(&matches))
-        .map_err(|error| Failure::Usage(error.render().to_string()))?
-        .recording_sources();
+pub fn scene_of(of: &Receipt, path: &Path) -> Result<(Options, Scene), Failure> {
+    let render_options = receipt::options_of(path, &of.arguments)?.recording_sources();
     let scene = match path.exists() || scene_source::is_builtin(path) {
         true => load(&render_options)?,
         false => {
@@ -42,13 +34,13 @@ pub fn scene_of(receipt: &Receipt, path: &Path) -> Result<(Options, Scene), Fail
         }
     };
     let found = receipt::scene_sha256(&render_options);
-    if found != receipt.scene_sha256 {
+    if found != of.scene_sha256 {
         return Err(Failure::Usage(format!(
             "{}: this scene, or a file that it names, is not the one of the picture (SHA-256 {}, \
              and {} in the receipt); name that with --scene",
             path.display(),
             &found[..16],
-            receipt.scene_sha256.get(..16).unwrap_or_default()
+            of.scene_sha256.get(..16).unwrap_or_default()
         )));
     }
     Ok((render_options, scene))

@@ -8,7 +8,7 @@ use super::output::hex;
 use crate::failure::Failure;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD_NO_PAD as BASE64;
-use clap::{ArgMatches, Command};
+use clap::{ArgMatches, Command, FromArgMatches};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use snell_formats::Sources;
@@ -158,6 +158,35 @@ pub fn scene_sha256(options: &Options) -> String {
     let mut lines: Vec<String> = files.iter().map(line).collect();
     lines.sort();
     hex(lines.concat().as_bytes())
+}
+
+/// The options of `snell render` that a file holds as arguments, for a scene at `path`.
+///
+/// A file may be a stranger's: it may ask for nothing but a picture, so options that name files to
+/// write or hosts to talk to are refused, and a denoiser is the one that is installed, never a
+/// library that the file names.
+pub fn options_of(path: &Path, arguments: &[String]) -> Result<Options, Failure> {
+    let command = <Options as clap::Args>::augment_args(Command::new("render"));
+    let given = ["render".into(), path.as_os_str().to_owned()];
+    let all = given.into_iter().chain(arguments.iter().map(Into::into));
+    let usage = |error: clap::Error| Failure::Usage(error.render().to_string());
+    let matches = command.try_get_matches_from(all).map_err(usage)?;
+    let mut options = Options::from_arg_matches(&matches).map_err(usage)?;
+    let is_given = |id: &&str| {
+        matches.try_contains_id(id).is_ok()
+            && matches.value_source(id) == Some(clap::parser::ValueSource::CommandLine)
+    };
+    // The scene is given here.
+    let refused = NEUTRAL.into_iter().filter(|&id| id != "scene").find(is_given);
+    if let Some(option) = refused.or(options.tev().map(|_| "display tev")) {
+        return Err(Failure::Usage(format!(
+            "{}: the options that belong to it ask for --{}, which no file may; do not trust it",
+            one_line(&path.display().to_string()),
+            option.replace('_', "-")
+        )));
+    }
+    options.request.use_own_denoiser();
+    Ok(options)
 }
 
 /// The options of `snell render` that were given, except those with these ids, in the order in

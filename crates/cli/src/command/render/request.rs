@@ -3,7 +3,7 @@
 
 use clap::builder::{TypedValueParser, ValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
-use snell_render::{Form, Request, Setting, Wish};
+use snell_render::{Denoise, Form, Request, Setting, Wish};
 use std::ffi::OsString;
 use std::ops::Deref;
 
@@ -12,6 +12,11 @@ use std::ops::Deref;
 pub struct RequestOptions(Request);
 
 impl RequestOptions {
+    /// Takes the denoiser that is installed, if one is asked for.
+    pub fn use_own_denoiser(&mut self) {
+        self.0.denoise = self.0.denoise.take().map(|_| Denoise::Found);
+    }
+
     /// Asks for a picture with its noise.
     pub fn forget_denoiser(&mut self) {
         self.0.denoise = None;
