@@ -26,7 +26,7 @@ pub struct Task {
 }
 
 /// How the rounds of a render are split into tasks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Split {
     /// Tiles of a task, at least 1.
     pub tiles: u32,

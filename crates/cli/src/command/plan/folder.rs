@@ -30,25 +30,25 @@ const FILE: &str = "plan.json";
 const FORMAT: &str = "snell plan 1";
 
 /// A plan: what is rendered, and how it is split into tasks.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// [`FORMAT`].
-    format: String,
+    pub format: String,
     /// The version of Snell that made the plan. Only this version renders it, because others may
     /// give other bits.
     pub program: String,
     /// The name of the scene's file.
     pub scene: String,
     /// The file of the whole scene, in the folder of the plan.
-    bundle: String,
+    pub bundle: String,
     /// The SHA-256 of that file.
-    bundle_sha256: String,
+    pub bundle_sha256: String,
     /// Options of `snell render`.
-    arguments: Vec<String>,
+    pub arguments: Vec<String>,
     /// The default name of the picture.
     pub picture: String,
     /// Warnings of the reader of the scene.
-    warnings: Vec<String>,
+    pub warnings: Vec<String>,
     /// The number of pictures.
     pub frames: u32,
     /// Width and height of a picture in pixels.
@@ -64,29 +64,12 @@ pub struct Plan {
     /// The number of tasks of a picture; of its first round if it has several.
     pub tasks: u32,
     /// The name of the scene.
-    scene_name: String,
+    pub scene_name: String,
     /// The receipt of the picture without its tiles.
     pub receipt: render::receipt::Receipt,
     /// The SHA-256 of all other fields.
     #[serde(default)]
     pub fingerprint: String,
-}
-
-/// What a new plan is made of; see [`Plan`].
-pub struct Draft {
-    pub scene: String,
-    pub arguments: Vec<String>,
-    pub picture: String,
-    pub warnings: Vec<String>,
-    pub frames: u32,
-    pub size: [u32; 2],
-    pub tiles: u32,
-    pub spp: u32,
-    pub has_rounds: bool,
-    pub split: Split,
-    pub tasks: u32,
-    pub receipt: render::receipt::Receipt,
-    pub scene_name: String,
 }
 
 /// A folder with a plan.
@@ -112,35 +95,18 @@ fn hopeless(path: &Path, problem: impl std::fmt::Display) -> Failure {
 }
 
 impl Folder {
-    /// Makes a folder with a plan. The file that describes the plan comes last, so that workers
-    /// that wait for it find all the rest.
-    pub fn create(path: &Path, scene: &Scene, draft: Draft) -> Result<Self, Failure> {
+    /// Makes a folder with a plan, whose format, program, bundle and fingerprint are filled in. The
+    /// file that describes the plan comes last, so that workers that wait for it find all the rest.
+    pub fn create(path: &Path, scene: &Scene, mut plan: Plan) -> Result<Self, Failure> {
         std::fs::create_dir_all(path).map_err(|error| failed(path, error))?;
         let first = path.join("scene-new.snell");
         snell_formats::write_scene(&first, scene)?;
         let bundle_sha256 = sha256_of_file(&first).map_err(|error| failed(&first, error))?;
         let bundle = format!("scene-{}.snell", &bundle_sha256[..16]);
         std::fs::rename(&first, path.join(&bundle)).map_err(|error| failed(&first, error))?;
-        let mut plan = Plan {
-            format: FORMAT.into(),
-            program: env!("CARGO_PKG_VERSION").into(),
-            scene: draft.scene,
-            bundle,
-            bundle_sha256,
-            arguments: draft.arguments,
-            picture: draft.picture,
-            warnings: draft.warnings,
-            frames: draft.frames,
-            size: draft.size,
-            tiles: draft.tiles,
-            spp: draft.spp,
-            has_rounds: draft.has_rounds,
-            split: draft.split,
-            tasks: draft.tasks,
-            scene_name: draft.scene_name,
-            receipt: draft.receipt,
-            fingerprint: String::new(),
-        };
+        plan.format = FORMAT.into();
+        plan.program = env!("CARGO_PKG_VERSION").into();
+        (plan.bundle, plan.bundle_sha256) = (bundle, bundle_sha256);
         plan.fingerprint = plan.computed_fingerprint();
         let file = path.join(FILE);
         let text = serde_json::to_string_pretty(&plan).map_err(|error| failed(&file, error))?;

@@ -13,7 +13,7 @@ use crate::command::matches;
 use crate::command::render::{self, receipt};
 use crate::failure::Failure;
 use crate::scene_source;
-use folder::{Draft, Folder};
+use folder::{Folder, Plan};
 use snell_math::simd::Level;
 use snell_render::{Split, Underway};
 use std::path::{Path, PathBuf};
@@ -128,7 +128,7 @@ fn make(options: &Options) -> Result<ExitCode, Failure> {
         warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
     let matches = matches("plan")?;
-    let draft = Draft {
+    let plan = Plan {
         scene: render.scene.display().to_string(),
         arguments,
         picture: stem.to_string_lossy().into_owned() + ".png",
@@ -142,8 +142,9 @@ fn make(options: &Options) -> Result<ExitCode, Failure> {
         tasks,
         receipt: receipt::Receipt::new(render, &matches),
         scene_name: bundle.name.clone(),
+        ..Plan::default()
     };
-    let folder = Folder::create(path, &bundle, draft)?;
+    let folder = Folder::create(path, &bundle, plan)?;
     if !render.quiet {
         say(&folder);
     }
@@ -231,7 +232,9 @@ fn baked_options(render: &render::Options) -> render::Options {
 }
 
 fn say(folder: &Folder) {
-    let (plan, path) = (&folder.plan, folder.path.display());
+    let (plan, path) = (&folder.plan, folder.path.display().to_string());
+    // The commands are to be copied.
+    let path = if path.contains(' ') { format!("\"{path}\"") } else { path };
     let [width, height] = plan.size;
     let pictures = match plan.frames {
         1 => "a picture".to_string(),

@@ -45,7 +45,7 @@ const AT: &str = "--at";
 const FRAMES: &str = "--frames";
 
 /// The receipt of a picture.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Receipt {
     /// The version of Snell.
     pub version: String,
