@@ -70,7 +70,7 @@ def moving() -> snell.Scene:
     turn = np.tile(np.eye(4), (2, 1, 1))
     turn[0, :3, 3] = 150, 150, 200
     turn[1, :3, 3] = 400, 350, 200
-    scene.add_shape("sphere", turn, radius=80)
+    scene.add_shape("sphere", turn, times=(0, 1), radius=80)
     return scene
 
 

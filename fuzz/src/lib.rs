@@ -1,5 +1,8 @@
 //! What every target for a reader does with its bytes.
 
+#[cfg(feature = "render")]
+pub mod saved;
+
 use snell_formats::{Input, Limits, Place, ReadError, ReadOptions, image, read_scene_bytes};
 use snell_scene::{Layer, Scene};
 use std::path::{Path, PathBuf};

@@ -63,6 +63,9 @@ def render(
     tonemap: str | None = None,
     shutter: tuple[float, float] | None = None,
     progress: bool | Callable[[float, int], object] = True,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_interval: float = 30.0,
+    resume: bool = False,
     **settings: Unpack[RenderSettings],
 ) -> Image:
     """Renders a scene.
@@ -91,6 +94,15 @@ def render(
         them, else as a line of text on a terminal. A callable is given the finished share, 0 to 1,
         and the number of rays so far, ten times a second and at the end; it stops the render by
         returning False.
+    checkpoint : str or os.PathLike
+        A file in which the render is saved on its way, and when it ends, also by Ctrl-C. A file
+        that is there is refused, unless `resume` is True.
+    checkpoint_interval : float
+        Seconds between two savings; longer where saving would take more than a hundredth of the
+        time.
+    resume : bool
+        Go on with the render in `checkpoint`, to the same bits as if nothing had ended it; begin
+        anew, with a warning, if there is none. A checkpoint of another picture is refused.
     SETTINGS
 
     Returns
@@ -111,9 +123,21 @@ def render(
     options |= {"threads": threads, "tonemap": tonemap, "shutter": shutter}  # type: ignore[dict-item]
     options |= _known("render", settings)
     with reporter(progress) as report:
-        image = _Render(_scene(scene), options).render(report=report)
+        work = _Render(_scene(scene), options, _kept(checkpoint, checkpoint_interval, resume))
+        image = work.render(report=report)
     _warn(image)
     return image
+
+
+def _kept(
+    checkpoint: str | os.PathLike[str] | None, interval: float, resume: bool
+) -> tuple[str | os.PathLike[str], float, bool] | None:
+    """The file that keeps a render on its way."""
+    if checkpoint is None:
+        if resume:
+            raise ValueError("resume is True, but no checkpoint is named to go on with")
+        return None
+    return checkpoint, interval, resume
 
 
 # The settings of a render with their documentation, as the renderer declares them.
@@ -157,17 +181,21 @@ def render_iter(
     time: float | None = None,
     view: bool | None = None,
     progress: bool | Callable[[float, int], object] = False,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_interval: float = 30.0,
+    resume: bool = False,
     **options: Any,
 ) -> Iterator[Image]:
     """Renders a scene and yields the picture each time its number of samples has quadrupled: at 1,
     4, 16 and so on per pixel. The last picture is the one that :func:`render` returns.
 
     Each picture is complete, and no sample is taken twice. With `noise`, pixels that have reached
-    the requested error get no more samples.
+    the requested error get no more samples. With a `checkpoint`, the render is also saved when the
+    iterator is closed, and `resume` begins with the picture that was saved.
 
     Parameters
     ----------
-    scene, integrator, spp, size, progress, **options
+    scene, integrator, spp, size, progress, checkpoint, checkpoint_interval, resume, **options
         As for :func:`render`.
     time : float
         Time limit in seconds for all pictures together.
@@ -184,31 +212,36 @@ def render_iter(
     """
     options = _known("render_iter", options)
     options |= {"integrator": integrator, "spp": spp, "size": size, "time": time}
-    return _refine(_scene(scene), options, time, progress, view)
+    work = _Render(_scene(scene), options, _kept(checkpoint, checkpoint_interval, resume))
+    return _refine(work, time, progress, view)
 
 
 def _refine(
-    scene: Scene,
-    options: dict[str, Any],
+    work: _Render,
     time: float | None,
     progress: bool | Callable[[float, int], object],
     view: bool | None,
 ) -> Iterator[Image]:
     show = _View() if (_is_notebook() if view is None else view) else None
     start = clock.perf_counter()
-    work = _Render(scene, options)
     is_last, samples = False, 1
-    while not is_last:
-        left = None if time is None else max(time - (clock.perf_counter() - start), 1e-3)
-        with reporter(progress) as report:
-            image = work.render(samples, left, report)
-        is_last = work.is_done or not image.metadata["is_complete"]
-        if samples == 1:
-            _warn(image)
-        if show is not None:
-            show(image)
-        yield image
-        samples *= 4
+    try:
+        while not is_last:
+            left = None if time is None else max(time - (clock.perf_counter() - start), 1e-3)
+            with reporter(progress) as report:
+                image = work.render(samples, left, report)
+            is_last = work.is_done or not image.metadata["is_complete"]
+            if samples == 1:
+                _warn(image)
+            if show is not None:
+                show(image)
+            yield image
+            # What was saved may have more samples.
+            while samples <= work.taken:
+                samples *= 4
+    finally:
+        if not is_last:
+            work.save()
 
 
 def _is_notebook() -> bool:

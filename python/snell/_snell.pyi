@@ -101,6 +101,7 @@ def _restore_image(
     variance: tuple[Any, ...] | None,
     look: tuple[float, str, bool],
     facts: dict[str, Any],
+    receipt: str | None = None,
 ) -> Image: ...
 def _render_settings() -> dict[str, dict[str, Any]]: ...
 def _explain(
@@ -582,9 +583,17 @@ class Image:
 
 @final
 class _Render:
-    def __new__(cls, scene: Scene, options: dict[str, Any]) -> _Render: ...
+    def __new__(
+        cls,
+        scene: Scene,
+        options: dict[str, Any],
+        checkpoint: tuple[str | PathLike[str], float, bool] | None = None,
+    ) -> _Render: ...
+    def save(self) -> None: ...
     @property
     def samples(self) -> int: ...
+    @property
+    def taken(self) -> int: ...
     @property
     def is_done(self) -> bool: ...
     def render(
@@ -632,6 +641,7 @@ class Camera:
         aperture_radius: float = 0.0,
         focus_distance: float | None = None,
         resolution: Sequence[int] | None = None,
+        clip: Sequence[float] | None = None,
         name: str | None = None,
         **parameters: Any,
     ) -> Camera: ...
@@ -656,6 +666,7 @@ class Camera:
         projection: str = "perspective",
         fov: float | None = None,
         resolution: Sequence[int] | None = None,
+        clip: Sequence[float] | None = None,
         name: str | None = None,
         **parameters: Any,
     ) -> Camera: ...
@@ -675,6 +686,7 @@ class Camera:
         aperture_radius: float | None = None,
         focus_distance: float | None = None,
         resolution: Sequence[int] | None = None,
+        clip: Sequence[float] | None = None,
         name: str | None = None,
         **parameters: Any,
     ) -> Camera: ...

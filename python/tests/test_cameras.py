@@ -190,3 +190,12 @@ def test_a_camera_is_made_from_another():
         camera.replace(radius=1)
     with pytest.raises(AttributeError, match="replace"):
         camera.eye = (0, 0, 0)
+
+
+def test_a_plane_cuts_open_what_a_camera_sees():
+    camera = snell.Camera(eye=(0, 0, 5), clip=(0, 0, -1, 1))
+    assert camera.clip == (0, 0, -1, 1) and snell.Camera(eye=(0, 0, 5)).clip is None
+    assert camera.replace(fov=30).clip == camera.clip
+    assert camera.replace(clip=(1, 0, 0, 0)).clip == (1, 0, 0, 0)
+    with pytest.raises(ValueError, match="clip is"):
+        snell.Camera(eye=(0, 0, 5), clip=(0, 0, 0, 1))

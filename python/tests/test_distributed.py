@@ -67,9 +67,8 @@ def digest(image: snell.Image) -> str:
 
 
 def facts(image: snell.Image) -> dict[str, Any]:
-    """The metadata that do not depend on the machine. (Workers do not report rays of training.)"""
+    """The metadata that do not depend on the machine."""
     own = ["seconds", "estimated_memory_bytes"]
-    own += ["rays"] if "training_passes" in image.metadata else []
     return {key: value for key, value in image.metadata.items() if key not in own}
 
 
@@ -151,6 +150,15 @@ def test_bits_do_not_depend_on_tasks(kind, inline, shuffled):
     alone = snell.render("cornell-box", **options)
     image = snell.distributed.render("cornell-box", progress=False, **options)
     assert digest(image) == digest(alone) and facts(image) == facts(alone)
+
+
+def test_shared_pictures_carry_the_same_receipt(inline, tmp_path):
+    receipts = []
+    for number, render in enumerate((snell.render, snell.distributed.render)):
+        path = tmp_path / f"{number}.exr"
+        render("cornell-box", progress=False, **SMALL).save(path)
+        receipts.append(snell.Image.open(path).metadata["Receipt"])
+    assert receipts[0] == receipts[1]
 
 
 def test_a_task_that_hangs_is_done_by_another_worker(inline, monkeypatch):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import hashlib
+import json
 import pathlib
 import pickle
 import signal
@@ -159,6 +161,122 @@ def test_refining_pictures_end_with_the_picture():
     start = time.perf_counter()
     assert list(snell.render_iter("cornell-box", size=(32, 32), time=0.3))
     assert time.perf_counter() - start < 5
+
+
+def test_a_render_that_was_closed_goes_on_to_the_same_bits(tmp_path):
+    for settings in ({}, {"noise": 0.1, "aovs": "depth"}):
+        kept = {"spp": 300, "size": (24, 20), **settings}
+        whole = snell.render("cornell-box", **kept)
+        kept["checkpoint"] = tmp_path / f"{len(settings)}.snellr"
+        pictures = snell.render_iter("cornell-box", **kept)
+        assert [next(pictures).metadata["samples"] for _ in range(3)] == [1, 4, 16]
+        with pytest.raises(StopIteration):
+            pictures.close()
+            next(pictures)
+        with pytest.raises(ValueError, match="is there; give resume=True to go on with it"):
+            snell.render("cornell-box", **kept)
+        first, *_, last = snell.render_iter("cornell-box", resume=True, threads=1, **kept)
+        assert first.metadata["samples"] >= 16
+        np.testing.assert_array_equal(last, whole)
+        np.testing.assert_array_equal(last.variance, whole.variance)
+        # What is complete is not rendered again.
+        again = snell.render("cornell-box", resume=True, **kept)
+        np.testing.assert_array_equal(again, whole)
+        assert again.metadata["rays"] == whole.metadata["rays"]
+
+
+def test_a_checkpoint_of_another_picture_is_refused(tmp_path):
+    kept = {"spp": 8, "size": (16, 16), "checkpoint": tmp_path / "a.snellr"}
+    with pytest.warns(UserWarning, match="there is no checkpoint yet"):
+        snell.render("cornell-box", resume=True, **kept)
+    for other, words in (
+        ({"seed": 4}, "seed was 0 and is 4 now"),
+        ({"max_depth": 2}, "max_depth was"),
+        ({"camera": snell.Camera(eye=(0, 0, 5))}, "the camera has changed"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            snell.render("cornell-box", resume=True, **kept, **other)
+    with pytest.raises(ValueError, match="the scene has changed"):
+        snell.render("teapot", resume=True, **kept)
+    with pytest.raises(ValueError, match="no checkpoint is named"):
+        snell.render("cornell-box", resume=True)
+    with pytest.raises(ValueError, match="checkpoint_interval is 0"):
+        snell.render("cornell-box", resume=True, checkpoint_interval=0, **kept)
+    with pytest.raises(OSError):
+        snell.render("cornell-box", size=(8, 8), checkpoint=tmp_path / "none" / "a.snellr")
+
+
+def test_a_render_that_is_stopped_is_saved(tmp_path):
+    kept = {"spp": 100_000, "size": (64, 64), "checkpoint": tmp_path / "a.snellr"}
+    stopped = snell.render("cornell-box", progress=lambda share, rays: rays < 100_000, **kept)
+    assert not stopped.metadata["is_complete"]
+    first = next(snell.render_iter("cornell-box", resume=True, **kept))
+    np.testing.assert_array_equal(first, stopped)
+
+
+COMMAND = pathlib.Path(__file__).parents[2] / "target/debug/snell"
+
+
+def moving() -> tuple[snell.Scene, dict]:
+    scene = snell.load("cornell-box")
+    turn = np.tile(np.eye(4), (2, 1, 1))
+    turn[:, :3, 3] = [[150, 150, 200], [400, 350, 200]]
+    scene.add_shape("sphere", turn, times=(0, 1), radius=80)
+    return scene, {"shutter": (0.25, 0.5)}
+
+
+def seen_by_another_camera() -> tuple[snell.Scene, dict]:
+    scene = snell.Scene()
+    scene.add_shape("sphere", radius=1, material=snell.Material("diffuse", reflectance=0.5))
+    return scene, {"camera": snell.Camera(eye=(0, 1, 5), fov=40), "tonemap": "aces"}
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: (snell.load("cornell-box"), {"noise": 0.2, "aovs": "depth", "seed": 3}),
+        lambda: (snell.load("cornell-box"), {"guiding": 1, "crop": (3, 5, 40, 30), "clamp": 2}),
+        lambda: (snell.load("spheres"), {"integrator": "ao", "exposure": 0.5}),
+        moving,
+        seen_by_another_camera,
+    ],
+)
+def test_pictures_carry_their_receipts(tmp_path, made):
+    scene, settings = made()
+    image = snell.render(scene, spp=16, size=(48, 32), **settings)
+    file = tmp_path / "scene.snell"
+    scene.save(file)
+    again = pickle.loads(pickle.dumps(image))
+    for name, picture, options in (
+        ("a.exr", image, {}),
+        ("a.png", image, {}),
+        ("b.png", again, {"bits": 16, "tonemap": "agx"}),
+        ("b.exr", again, {"half": True}),
+    ):
+        picture.save(tmp_path / name, **options)
+        receipt = json.loads(snell.Image.open(tmp_path / name).metadata["Receipt"])
+        digest = hashlib.sha256(file.read_bytes()).hexdigest()
+        assert receipt["scene_sha256"] == hashlib.sha256(f"{digest} \n".encode()).hexdigest()
+        if COMMAND.exists():
+            run = subprocess.run(
+                [COMMAND, "verify", tmp_path / name, "--scene", file, "--tiles", "all"],
+                capture_output=True,
+                text=True,
+            )
+            assert run.returncode == 0, (name, receipt["arguments"], run.stdout + run.stderr)
+
+
+def test_what_the_command_cannot_render_has_no_receipt(tmp_path):
+    def has_receipt(image, **options):
+        image.save(tmp_path / "a.exr", **options)
+        return "Receipt" in snell.Image.open(tmp_path / "a.exr").metadata
+
+    assert has_receipt(snell.render("cornell-box", **SMALL))
+    assert not has_receipt(snell.render("cornell-box", **SMALL), variance=True)
+    assert not has_receipt(snell.render("cornell-box", aovs="geometry-id", **SMALL))
+    assert not has_receipt(snell.render(moving()[0], **SMALL))
+    noisy = snell.render("cornell-box", noise=0.5, **SMALL)
+    assert has_receipt(noisy) and not has_receipt(noisy, exposure=1)
 
 
 def test_pixels_stop_by_their_noise():

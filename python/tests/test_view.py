@@ -71,7 +71,7 @@ def test_a_dropped_file_names_no_file_of_the_machine() -> None:
             text = f"mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
             with pytest.raises(urllib.error.HTTPError, match="422") as refused:
                 urllib.request.urlopen(view.url + "open?name=a.obj", data=text.encode())
-            assert "can name no others" in refused.value.read().decode()
+            assert "drop it together with the files" in refused.value.read().decode()
 
 
 def test_a_rate_that_is_none_is_said() -> None:

@@ -1,7 +1,7 @@
-// The WebSocket: messages become objects, binary messages frames. A broken connection is opened
-// again.
+// The WebSocket: messages become objects, binary messages parts of frames. A broken connection is
+// opened again.
 
-import { HEADER_SIZE, type ToPage, type ToServer } from "./protocol.gen";
+import { HEADER_SIZE, PART_SIZE, type ToPage, type ToServer } from "./protocol.gen";
 
 export interface Frame {
   kind: "jpeg" | "half";
@@ -13,10 +13,37 @@ export interface Frame {
   wanted: number;
   milliseconds: number;
   noise: number;
+  /** Share of a denoised picture in what is shown; 0 for the true samples. */
+  denoised: number;
   payload: ArrayBuffer;
 }
 
-/** Reads a binary message; `null` if it is none of ours. */
+/** Joins the parts of frames. */
+export class Parts {
+  private number = -1;
+  private bytes = new Uint8Array(0);
+  private length = 0;
+
+  /** Takes a message; gives its frame's number, and the frame if this was the last part. */
+  add(message: ArrayBuffer): { number: number; whole: ArrayBuffer | null } | null {
+    if (message.byteLength < PART_SIZE) return null;
+    const view = new DataView(message);
+    const [number, offset, total] = [0, 4, 8].map((at) => view.getUint32(at, true));
+    if (offset === 0) {
+      this.number = number;
+      this.bytes = new Uint8Array(total);
+      this.length = 0;
+    }
+    const part = new Uint8Array(message, PART_SIZE);
+    const fits = offset === this.length && offset + part.length <= this.bytes.length;
+    if (number !== this.number || !fits) return { number, whole: null };
+    this.bytes.set(part, offset);
+    this.length += part.length;
+    return { number, whole: this.length === this.bytes.length ? this.bytes.buffer : null };
+  }
+}
+
+/** Reads a frame; `null` if it is none of ours. */
 export function parseFrame(buffer: ArrayBuffer): Frame | null {
   if (buffer.byteLength < HEADER_SIZE) return null;
   const view = new DataView(buffer);
@@ -33,13 +60,14 @@ export function parseFrame(buffer: ArrayBuffer): Frame | null {
     wanted: word(7),
     milliseconds: view.getFloat32(32, true),
     noise: view.getFloat32(36, true),
+    denoised: view.getFloat32(40, true),
     payload: buffer.slice(HEADER_SIZE),
   };
 }
 
 export interface Listener {
   message(message: ToPage): void;
-  /** Resolves when the frame has been shown; only then comes the next but one. */
+  /** Resolves when the frame has been shown; then it is acknowledged. */
   frame(frame: Frame): Promise<void>;
   status(connected: boolean): void;
 }
@@ -53,6 +81,7 @@ export class Connection {
   private retry = FIRST_RETRY;
   /** The frames so far have been shown. */
   private shown: Promise<void> = Promise.resolve();
+  private parts = new Parts();
 
   constructor(
     private readonly url: string,
@@ -73,6 +102,7 @@ export class Connection {
     const socket = new WebSocket(this.url);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
+    this.parts = new Parts();
     socket.onopen = () => {
       this.retry = FIRST_RETRY;
       this.listener.status(true);
@@ -90,13 +120,19 @@ export class Connection {
       this.listener.message(JSON.parse(data) as ToPage);
       return;
     }
-    const frame = parseFrame(data);
-    if (!frame) return;
+    const part = this.parts.add(data);
+    if (!part) return;
+    const acknowledge = (): void => this.send({ type: "ack", frame: part.number });
+    const frame = part.whole && parseFrame(part.whole);
+    if (!frame) {
+      acknowledge();
+      return;
+    }
     // Frames are shown one after another: a picture that takes longer to decode must not cover a
     // later one.
     this.shown = this.shown
       .then(() => this.listener.frame(frame))
       .catch(reportError)
-      .then(() => this.send({ type: "ack", frame: frame.number }));
+      .then(acknowledge);
   }
 }

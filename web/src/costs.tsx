@@ -3,6 +3,7 @@
 import { useSignal } from "@preact/signals";
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { useDismiss } from "./dismiss";
 import { choices, costs, view } from "./store";
 
 /** Width of a map in pixels. */
@@ -106,6 +107,7 @@ export function Costs(): JSX.Element {
   const failed = useSignal("");
   const measure = useSignal("nodes and tests");
   const command = view.value?.command;
+  useDismiss(true, () => (costs.value = false), { covers: true });
   useEffect(() => {
     const abort = new AbortController();
     const ask = async (): Promise<void> => {

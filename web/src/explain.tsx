@@ -4,6 +4,7 @@
 import { useSignal } from "@preact/signals";
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { useDismiss } from "./dismiss";
 import type { Report, SampleReport, VertexReport } from "./protocol.gen";
 import { Replay } from "./replay";
 import { explained, type Store, scene } from "./store";
@@ -262,6 +263,11 @@ export function Explain({ store }: { store: Store }): JSX.Element | null {
   const closer = useRef<HTMLButtonElement>(null);
   const asking = useSignal(false);
   useEffect(() => closer.current?.focus(), [report === null]);
+  const close = (): void => {
+    store.stopExplaining();
+    explained.value = null;
+  };
+  useDismiss(report !== null, close, { covers: true });
   if (!report) return null;
   const ask = async (sample: number | null, all = false): Promise<void> => {
     asking.value = true;
@@ -275,7 +281,7 @@ export function Explain({ store }: { store: Store }): JSX.Element | null {
       role="dialog"
       aria-label={`why pixel ${report.pixel.join(", ")} looks as it does`}
       onKeyDown={(e) => {
-        if (e.key === "Escape") explained.value = null;
+        if (e.key === "Escape") close();
         e.stopPropagation();
       }}
     >
@@ -289,7 +295,7 @@ export function Explain({ store }: { store: Store }): JSX.Element | null {
           ± {rgb(report.error)} after {report.spp} samples, {report.integrator}
         </span>
         <span class="space" />
-        <button ref={closer} onClick={() => (explained.value = null)}>
+        <button ref={closer} onClick={close}>
           Close
         </button>
       </header>

@@ -1,21 +1,20 @@
 // The canvas: shows frames, and shows the last one again when only the display settings change.
 
 import type { Frame } from "./connection";
+import { unpackHalves } from "./halves";
 import { type Display, toDisplay } from "./tonemap";
 
 export class Picture {
   readonly canvas = document.createElement("canvas");
-  /** The reference picture for comparison, if any. */
-  readonly reference = document.createElement("canvas");
   /** Size of the picture at rest, as the server has it. */
   pictureSize: [number, number] = [0, 0];
   display: Display = { exposure: 0, tonemap: "none", srgb: true };
   private readonly context = this.canvas.getContext("2d", { alpha: false })!;
-  private linear: { halves: Uint16Array; size: [number, number] } | null = null;
+  /** The picture at rest in linear light; `null` while something moves. */
+  linear: { halves: Uint16Array; size: [number, number] } | null = null;
 
   constructor() {
     this.canvas.className = "picture";
-    this.reference.className = "picture reference";
   }
 
   /** Takes the size of the picture, which another page may have set. */
@@ -37,17 +36,19 @@ export class Picture {
       this.linear = null;
       const bitmap = await createImageBitmap(new Blob([frame.payload], { type: "image/jpeg" }));
       this.fit(this.pictureSize);
-      this.context.imageSmoothingQuality = "medium";
+      this.context.imageSmoothingQuality = "high";
       this.context.drawImage(bitmap, 0, 0, this.canvas.width, this.canvas.height);
       bitmap.close();
     } else {
+      const halves = await unpackHalves(frame.payload, frame.size);
       this.fit(frame.size);
-      this.linear = { halves: new Uint16Array(frame.payload), size: frame.size };
+      this.linear = { halves, size: frame.size };
       this.redraw();
     }
     this.canvas.dataset.frame = String(frame.number);
     this.canvas.dataset.samples = String(frame.samples);
     this.canvas.dataset.kind = frame.kind;
+    this.canvas.dataset.denoised = String(frame.denoised > 0);
   }
 
   /** Redraws the picture with the current display settings. */
@@ -64,19 +65,5 @@ export class Picture {
     [whole.width, whole.height] = size;
     whole.getContext("2d")!.putImageData(image, 0, 0);
     this.context.drawImage(whole, 0, 0, this.canvas.width, this.canvas.height);
-  }
-
-  /** Keeps the current picture as the reference. */
-  keep(): void {
-    [this.reference.width, this.reference.height] = [this.canvas.width, this.canvas.height];
-    this.reference.getContext("2d")!.drawImage(this.canvas, 0, 0);
-  }
-
-  /** Uses a picture file as the reference. */
-  async keepFile(file: Blob): Promise<void> {
-    const bitmap = await createImageBitmap(file);
-    [this.reference.width, this.reference.height] = [bitmap.width, bitmap.height];
-    this.reference.getContext("2d")!.drawImage(bitmap, 0, 0);
-    bitmap.close();
   }
 }

@@ -1,8 +1,9 @@
 // Generated from crates/viewer/src/protocol.rs by `SNELL_PROTOCOL=accept cargo test -p snell-viewer protocol`.
 import type { Camera } from "./camera";
 
-export const VERSION = 1;
-export const HEADER_SIZE = 40;
+export const VERSION = 2;
+export const HEADER_SIZE = 44;
+export const PART_SIZE = 12;
 
 export type ToServer = { "type": "camera", 
 /**
@@ -13,7 +14,19 @@ seq: number,
 /**
  * All parameters of the camera.
  */
-camera: Camera, } | { "type": "size", 
+camera: Camera, 
+/**
+ * Number of the gesture: moves of one gesture are undone together.
+ */
+gesture?: number, } | { "type": "home", 
+/**
+ * Number of the scene's camera; `None` for the one of the first picture.
+ */
+camera?: number | null, 
+/**
+ * Number of the gesture.
+ */
+gesture?: number, } | { "type": "size", 
 /**
  * Width and height.
  */
@@ -61,7 +74,23 @@ key: string,
 /**
  * New value.
  */
-value: unknown, } | { "type": "show", 
+value: unknown, } | { "type": "edits", 
+/**
+ * Pairs of a key and a value, as in [`Self::Edit`].
+ */
+edits: [string, unknown][], 
+/**
+ * The number of the gesture that makes the changes: those of one gesture are one step.
+ */
+gesture?: number | null, } | { "type": "time", 
+/**
+ * The name of the animation; `None` for those that are usually played.
+ */
+clip?: string | null, 
+/**
+ * The time in seconds.
+ */
+time: number, } | { "type": "show", 
 /**
  * Number of the node.
  */
@@ -77,7 +106,28 @@ id: number,
 /**
  * Position in pixels.
  */
-pixel: [number, number], } | { "type": "explain", 
+pixel: [number, number], 
+/**
+ * How far away another surface may be if none is there, in pixels.
+ */
+reach?: number, } | { "type": "select", 
+/**
+ * Number that the answer repeats.
+ */
+id: number, 
+/**
+ * Numbers of the nodes from the root to the selected one.
+ */
+path: Array<number>, 
+/**
+ * Width of the mask in pixels; 0 for none.
+ */
+width: number, 
+/**
+ * The number of a surface of the last node, and of one of its primitives, to be told their
+ * material.
+ */
+surface?: [number, number] | null, } | { "type": "explain", 
 /**
  * Number that the answer repeats.
  */
@@ -139,7 +189,23 @@ id: number,
 /**
  * The surface; `None` if the ray leaves the scene.
  */
-hit: PickedHit | null, } | { "type": "explained", 
+hit: PickedHit | null, } | { "type": "selected", 
+/**
+ * The number of the request.
+ */
+id: number, 
+/**
+ * The place; `None` if the scene has no such path.
+ */
+place: Placement | null, 
+/**
+ * The pixels; `None` if they were not asked for, or the scene is still being prepared.
+ */
+mask: Mask | null, 
+/**
+ * Number of the material of the surface that was asked for, if it has one.
+ */
+material: number | null, } | { "type": "explained", 
 /**
  * The number of the request.
  */
@@ -148,6 +214,10 @@ id: number,
  * The answer; `None` after an error, which was reported before.
  */
 report: Report | null, } | { "type": "error", 
+/**
+ * Message for the user.
+ */
+message: string, } | { "type": "notice", 
 /**
  * Message for the user.
  */
@@ -179,13 +249,21 @@ accelerators: Array<string>,
  */
 scenes: Array<SceneChoice>, 
 /**
- * The parameters of materials and lights, by the name of their family.
+ * The parameters of materials, lights and patterns, by the name of their family.
  */
 forms: { [key in string]: Form }, 
 /**
+ * A thing of each kind with its defaults, by family and kind.
+ */
+examples: Record<string, Record<string, Record<string, unknown>>>, 
+/**
  * Settings of the render that have no control of their own.
  */
-settings: Array<SettingForm>, };
+settings: Array<SettingForm>, 
+/**
+ * Maximum size in bytes of a file that is dropped on the page.
+ */
+max_upload: number, };
 
 export type Form = { 
 /**
@@ -193,13 +271,27 @@ export type Form = {
  */
 name: string, 
 /**
- * The control for the parameter: `flag`, `number`, `color`, `vector`, `choice`, or `other`.
+ * The control for the parameter: `flag`, `number`, `color`, `vector`, `choice`, `texture`, or
+ * `other`.
  */
 kind: string, 
 /**
  * The plausible range of a number, if it is bounded on both sides.
  */
 range: [number, number] | null, 
+/**
+ * The least and the largest number that is possible; none where there is no such bound.
+ */
+limits: [number | null, number | null], 
+/**
+ * The value that an emptied field stands for: the default, or for a parameter that has to be
+ * given that of an example; null if neither is known.
+ */
+default: unknown, 
+/**
+ * True if a texture may multiply the value.
+ */
+is_textured: boolean, 
 /**
  * The unit of the parameter; empty for plain numbers.
  */
@@ -224,7 +316,11 @@ tag: string,
 /**
  * The parameters of each variant, by its name.
  */
-kinds: { [key in string]: Array<Form> }, };
+kinds: { [key in string]: Array<Form> }, 
+/**
+ * What each variant is, by its name, where that is known.
+ */
+docs: { [key in string]: string }, };
 
 export type SceneChoice = { 
 /**
@@ -266,14 +362,42 @@ lights: Record<string, unknown>[],
  */
 cameras: Camera[], 
 /**
- * Rotation of the environment about the up direction, in degrees; `None` without an
- * environment, or for a uniform one.
+ * Textures with their parameters.
  */
-environment_rotation: number | null, 
+textures: Record<string, unknown>[], 
+/**
+ * Number of images.
+ */
+images: number, 
+/**
+ * A texture of an image, placed as those of the scene are: what a new one begins with.
+ */
+new_texture: Record<string, unknown>, 
+/**
+ * Light from all around.
+ */
+surroundings: Surroundings, 
+/**
+ * The node that alone is shown, if there is one.
+ */
+isolated: number | null, 
+/**
+ * The motion of the scene; none if nothing moves.
+ */
+motion: MotionInfo | null, 
 /**
  * Minimum and maximum corner of the box around everything finite.
  */
 bounds: [[number, number, number], [number, number, number]], 
+/**
+ * Minimum and maximum corner of the box around the subject: everything but the ground, walls
+ * and sky around it.
+ */
+subject: [[number, number, number], [number, number, number]], 
+/**
+ * Height of the ground under the subject, along the up direction; `None` without one.
+ */
+ground: number | null, 
 /**
  * The up direction.
  */
@@ -283,13 +407,64 @@ up: [number, number, number],
  */
 triangles: number, 
 /**
+ * Number of shapes, such as spheres, and of pieces of curves.
+ */
+shapes: number, 
+/**
  * Warnings from reading and compiling.
  */
-warnings: Array<string>, 
+warnings: Array<string>, };
+
+export type MotionInfo = { 
 /**
- * Whether there is a change to undo, and one to redo.
+ * The animations.
  */
-history: [boolean, boolean], };
+clips: Array<ClipInfo>, 
+/**
+ * First and last time of those that are usually played, in seconds.
+ */
+usual: [number, number], 
+/**
+ * The animation that is shown; none for those that are usually played.
+ */
+clip: string | null, 
+/**
+ * The time that is shown, in seconds; none while the scene rests as its file has it.
+ */
+time: number | null, };
+
+export type ClipInfo = { 
+/**
+ * The name, or the number of one that has none.
+ */
+name: string, 
+/**
+ * First and last time in seconds.
+ */
+span: [number, number], };
+
+export type Surroundings = { 
+/**
+ * The sort of environment: `none`, `color`, or `image`.
+ */
+environment: string, 
+/**
+ * The radiance of an environment of one colour, or the factor on that of an image.
+ */
+light: [number, number, number], 
+/**
+ * Rotation of an image about the up direction, in degrees.
+ */
+rotation: number, 
+/**
+ * The sort of background: `environment`, `color`, `transparent`, or `studio`, a colour with
+ * the scene's shadow on a floor.
+ */
+background: string, 
+/**
+ * The colour of the background, if it has one.
+ */
+color: [number, number, number] | null, };
 
 export type NodeInfo = { 
 /**
@@ -336,6 +511,15 @@ export type ViewInfo = {
  * The camera.
  */
 camera: Camera, 
+/**
+ * Increases when the camera changes other than by [`ToServer::Camera`]: by an undo, a request
+ * for one of the scene's cameras, another size, another scene. The page then takes the camera.
+ */
+camera_changes: number, 
+/**
+ * Whether there is a step to undo, and one to redo.
+ */
+history: [boolean, boolean], 
 /**
  * Width and height in pixels.
  */
@@ -403,6 +587,10 @@ node: number | null,
  */
 path: Array<string>, 
 /**
+ * Numbers of these nodes.
+ */
+nodes: Array<number>, 
+/**
  * Number of the material, if it is one of the scene's.
  */
 material: number | null, 
@@ -411,9 +599,71 @@ material: number | null,
  */
 material_name: string, 
 /**
+ * Number of the surface among those of the node.
+ */
+surface: number, 
+/**
  * Number of the triangle or face.
  */
-primitive: number, };
+primitive: number, 
+/**
+ * Minimum and maximum corner of the box around the node, in the world.
+ */
+bounds: [[number, number, number], [number, number, number]] | null, 
+/**
+ * Geometric normal at the hit, on the side that is seen.
+ */
+facing: [number, number, number], 
+/**
+ * Length of the ray from the hit against the normal to the opposite side of the body; none if
+ * there is no opposite side.
+ */
+thickness: number | null, 
+/**
+ * Corners of the face in the world, in order; empty for shapes, which have none.
+ */
+corners: Array<[number, number, number]>, 
+/**
+ * For each corner, whether the edge to the next corner is a border or sharp.
+ */
+sharp: Array<boolean>, };
+
+export type Placement = { 
+/**
+ * The node that moves: the last of the path that stands in one place only.
+ */
+node: number, 
+/**
+ * The name of the node.
+ */
+name: string, 
+/**
+ * Number of nodes from the root to the node, which counts.
+ */
+depth: number, 
+/**
+ * Map from the node's parent to the world, in rows.
+ */
+world_from_parent: [[number, number, number, number], [number, number, number, number], [number, number, number, number]], 
+/**
+ * The node's transform, in rows.
+ */
+parent_from_node: [[number, number, number, number], [number, number, number, number], [number, number, number, number]], 
+/**
+ * Minimum and maximum corner of the box around the node's surfaces and those below it, in its
+ * own coordinates; none if there are none, or they are infinite.
+ */
+bounds: [[number, number, number], [number, number, number]] | null, };
+
+export type Mask = { 
+/**
+ * Width and height.
+ */
+size: [number, number], 
+/**
+ * Lengths of runs of pixels, row by row: some that do not show it, some that do, and so on.
+ */
+runs: Array<number>, };
 
 export type Report = { 
 /**

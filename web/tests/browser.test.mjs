@@ -1,120 +1,23 @@
-// The page in a real browser, against the real server. `cargo xtask web` runs this; SNELL and
-// CHROME name the programs.
+// The page in a real browser, against the real server. `cargo xtask web` runs this.
 
 import assert from "node:assert/strict";
-import { execFileSync, spawn } from "node:child_process";
-import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { execFileSync } from "node:child_process";
+import { readFileSync } from "node:fs";
 import { request } from "node:http";
-import { tmpdir } from "node:os";
-import { join } from "node:path";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 import { fileURLToPath } from "node:url";
-import { chromium } from "playwright-core";
-
-const SNELL = process.env.SNELL ?? "snell";
-const CHROME = process.env.CHROME;
-const VIEWPORT = { width: 860, height: 420 };
-/** Slow machines under load need long. */
-const PATIENCE = 120_000;
-
-let browser;
-const folder = mkdtempSync(join(tmpdir(), "snell-view-"));
-
-before(async () => {
-  assert.ok(CHROME, "CHROME names a Chromium or Chrome");
-  browser = await chromium.launch({
-    executablePath: CHROME,
-    args: ["--no-sandbox", "--disable-gpu"],
-  });
-});
-
-after(async () => {
-  await browser?.close();
-  rmSync(folder, { recursive: true, force: true });
-});
-
-/** Starts `snell view`; gives its address and a way to stop it. */
-async function serve(...words) {
-  const child = spawn(SNELL, ["view", "--no-open", ...words], {
-    stdio: ["ignore", "pipe", "pipe"],
-  });
-  const wait = new Promise((resolve, reject) => {
-    let text = "";
-    child.stdout.on("data", (data) => {
-      text += data;
-      if (text.includes("\n")) resolve(text.trim());
-    });
-    child.stderr.on("data", (data) => (text += data));
-    child.on("exit", (code) => reject(new Error(`snell view ended with ${code}: ${text}`)));
-  });
-  const url = await wait;
-  const stop = () =>
-    new Promise((resolve) => {
-      child.removeAllListeners("exit");
-      child.on("exit", resolve);
-      child.kill("SIGINT");
-    });
-  return { url, stop };
-}
-
-async function open(url, prepare = () => {}) {
-  const page = await browser.newPage({ viewport: VIEWPORT });
-  page.setDefaultTimeout(PATIENCE);
-  await page.addInitScript(prepare);
-  const faults = [];
-  page.on("pageerror", (error) => faults.push(error.message));
-  page.on("console", (message) => message.type() === "error" && faults.push(message.text()));
-  await page.goto(url);
-  await page.waitForSelector("canvas[data-frame]");
-  return { page, faults };
-}
-
-/** The page shows the picture at rest in the size of its stage; the server begins with another. */
-const isDone = (page) =>
-  page.waitForFunction(() => {
-    const canvas = document.querySelector("canvas.picture");
-    const { clientWidth, clientHeight } = document.querySelector(".stage");
-    const isWhole = canvas.width === clientWidth && canvas.height === clientHeight;
-    return (
-      isWhole && canvas.dataset.kind === "half" && document.querySelector(".dot.done") !== null
-    );
-  });
-
-/** A number that differs for different pictures. */
-const fingerprint = (page) =>
-  page.evaluate(() => {
-    const canvas = document.querySelector("canvas.picture");
-    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-    let hash = 0;
-    for (const value of data) hash = (hash * 31 + value) | 0;
-    return hash;
-  });
-
-/**
- * The number of the picture once it is the expected one, or that of the last when patience is over.
- * (A dot that is green may still be that of the picture before.)
- */
-async function settled(page, expected) {
-  for (const end = Date.now() + 10000; ; await page.waitForTimeout(50)) {
-    const found = await fingerprint(page);
-    if (found === expected || Date.now() > end) return found;
-  }
-}
-
-async function drag(page, dx, dy) {
-  const box = await page.locator(".stage").boundingBox();
-  const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
-  await page.mouse.move(x, y);
-  await page.mouse.down();
-  for (let i = 1; i <= 8; i++) await page.mouse.move(x + (dx * i) / 8, y + (dy * i) / 8);
-  await page.mouse.up();
-}
-
-/** The words of a command as a shell reads them. */
-const words = (command) =>
-  [...command.matchAll(/'((?:[^']|'\\'')*)'|(\S+)/g)].map(
-    (m) => m[2] ?? m[1].replaceAll("'\\''", "'"),
-  );
+import {
+  copiedCommand,
+  drag,
+  fingerprint,
+  isDone,
+  isRenderedBy,
+  open,
+  PATIENCE,
+  SNELL,
+  serve,
+  settled,
+} from "./browser.mjs";
 
 /** Status of a request with headers of one's own choice. */
 const status = (url, headers) =>
@@ -126,40 +29,6 @@ const status = (url, headers) =>
     asked.on("error", reject);
     asked.end();
   });
-
-/** The command that the page copies. */
-async function copiedCommand(page) {
-  await page.evaluate(() =>
-    Object.defineProperty(navigator, "clipboard", {
-      value: {
-        writeText: async () => {
-          throw 0;
-        },
-      },
-    }),
-  );
-  await page.getByText("Save", { exact: true }).click();
-  await page.getByText("Copy the command").click();
-  const command = words(
-    (await page.locator(".notices p").first().innerText()).replace(/\n?×$/, "").trim(),
-  );
-  assert.deepEqual(command.slice(0, 2), ["snell", "render"]);
-  return command;
-}
-
-/** The command makes the picture that the page shows, to the bit. */
-async function isRenderedBy(command, page) {
-  const [shown, rendered] = [join(folder, "shown.pfm"), join(folder, "rendered.pfm")];
-  const bytes = await page.evaluate(async () => [
-    ...new Uint8Array(await (await fetch("save?format=pfm")).arrayBuffer()),
-  ]);
-  writeFileSync(shown, Buffer.from(bytes));
-  execFileSync(SNELL, [...command.slice(1), "-o", rendered, "-q"]);
-  assert.ok(
-    readFileSync(shown).equals(readFileSync(rendered)),
-    "the picture at rest is the one of snell render",
-  );
-}
 
 test("the page shows the scene, turns it, and at rest has the bits of snell render", {
   timeout: PATIENCE * 2,
@@ -261,6 +130,7 @@ test("a pixel is explained, and its sample is that of snell explain", {
   try {
     const { page, faults } = await open(server.url);
     await isDone(page);
+    const command = await copiedCommand(page);
     const box = await page.locator(".stage").boundingBox();
     await page.mouse.click(box.x + box.width / 2, box.y + box.height * 0.4);
     await page.getByRole("button", { name: "Why does it look so?" }).click();
@@ -272,11 +142,7 @@ test("a pixel is explained, and its sample is that of snell explain", {
     await dialog.locator(".samples button").nth(3).click();
     await page.getByText("Path of sample 3").waitFor();
     const shown = await dialog.locator(".total code").innerText();
-    // The same from the command line, with the size that the page has.
-    const size = await page
-      .evaluate(() => document.querySelector("canvas.picture"))
-      .then(() => page.locator(".status").innerText());
-    const [, width, height] = size.match(/(\d+) × (\d+)/);
+    // The same from the command line, with the camera and the size that the page has.
     const text = execFileSync(SNELL, [
       "explain",
       "cornell-box",
@@ -288,10 +154,7 @@ test("a pixel is explained, and its sample is that of snell explain", {
       "--structures",
       "none",
       "--",
-      "--spp",
-      "8",
-      "--size",
-      `${width}x${height}`,
+      ...command.slice(3),
     ]);
     const report = JSON.parse(text);
     const short = (v) =>

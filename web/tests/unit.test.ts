@@ -1,23 +1,31 @@
 import { describe, expect, it } from "vitest";
 import {
+  aboveGround,
   type Camera,
   dolly,
   fieldOfView,
-  frameBall,
+  frameBox,
   look,
   move,
   orbit,
+  orbitAboveGround,
+  pan,
   pixelAtPivot,
+  pointAt,
   preset,
+  project,
   type Rig,
   rigOf,
+  toggleParallel,
+  withCamera,
   withFieldOfView,
 } from "../src/camera";
-import { parseFrame } from "../src/connection";
+import { Parts, parseFrame } from "../src/connection";
 import { heat, parseCosts, statistics } from "../src/costs";
 import { css, plotted, short } from "../src/explain";
 import { inside } from "../src/form";
-import type { Form, Report } from "../src/protocol.gen";
+import { unpackHalves } from "../src/halves";
+import { type Form, HEADER_SIZE, PART_SIZE, type Report } from "../src/protocol.gen";
 import { outline } from "../src/replay";
 import { sunDirection, sunPosition } from "../src/sun";
 import { halfToNumber, toDisplay } from "../src/tonemap";
@@ -37,7 +45,9 @@ const bounds: [Vec3, Vec3] = [
   [-1, -1, -1],
   [1, 1, 1],
 ];
-const rig = (): Rig => rigOf(camera, bounds, [0, 1, 0]);
+const rig = (): Rig => rigOf(camera, { subject: bounds, up: [0, 1, 0], ground: null });
+const SIZE: [number, number] = [640, 400];
+const parallel = (): Rig => toggleParallel(rig(), SIZE);
 
 function expectUpright({ camera: c }: Rig): void {
   expect(length(c.towards)).toBeCloseTo(1, 12);
@@ -54,6 +64,10 @@ describe("camera", () => {
       expect(length(sub(r.camera.eye, r.pivot))).toBeCloseTo(5, 9);
     }
   });
+  it("turns what is shown with the hand: a drag down raises the camera", () => {
+    expect(orbit(rig(), 0, 0.1).camera.eye[1]).toBeGreaterThan(0);
+    expect(orbit(rig(), 0.1, 0).camera.eye[0]).toBeLessThan(0);
+  });
   it("never goes over the pole", () => {
     let r = rig();
     for (let i = 0; i < 100; i++) r = orbit(r, 0, 0.5);
@@ -65,6 +79,8 @@ describe("camera", () => {
   it("looks around from where it is", () => {
     const r = look(rig(), 0.4, 0.2);
     expect(r.camera.eye).toEqual(camera.eye);
+    expect(r.camera.towards[0]).toBeGreaterThan(0);
+    expect(r.camera.towards[1]).toBeLessThan(0);
     expectUpright(r);
   });
   it("moves a pixel by a pixel", () => {
@@ -82,13 +98,80 @@ describe("camera", () => {
       [1, 0, 0],
       [0, 1, 0],
     ] as Vec3[]) {
-      const r = preset(rig(), direction, [0, 0, 0], 1, [200, 100]);
-      expectUpright(r);
-      expect(dot(r.camera.towards, direction)).toBeCloseTo(1, 9);
-      const distance = length(r.camera.eye);
-      expect(Math.asin(1 / distance)).toBeLessThan(Math.atan(0.5));
+      for (const size of [
+        [200, 100],
+        [390, 700],
+      ] as [number, number][])
+        for (const from of [rig(), parallel()]) {
+          const r = preset(from, direction, bounds, size);
+          expectUpright(r);
+          expect(dot(r.camera.towards, direction)).toBeCloseTo(1, 9);
+          let outermost = 0;
+          for (let i = 0; i < 8; i++) {
+            const corner: Vec3 = [i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1];
+            const at = project(r.camera, corner, size)!;
+            const beyond = [at.x / size[0], at.y / size[1]].map((s) => Math.abs(s * 2 - 1));
+            outermost = Math.max(outermost, ...beyond);
+          }
+          expect(outermost).toBeCloseTo(0.9, 6);
+        }
     }
-    expect(frameBall(rig(), [3, 0, 0], 1, [100, 100]).pivot).toEqual([3, 0, 0]);
+    const aside: [Vec3, Vec3] = [
+      [2, -1, -1],
+      [4, 1, 1],
+    ];
+    expect(frameBox(rig(), aside, [100, 100]).pivot).toEqual([3, 0, 0]);
+  });
+  it("pans by what is under the hand, at any depth and in parallels", () => {
+    for (const from of [rig(), parallel()])
+      for (const depth of [undefined, 2, 9]) {
+        const point = pointAt(from, [100, 300], SIZE, depth);
+        const moved = pan(from, [100, 300], [250, 120], SIZE, depth);
+        const at = project(moved.camera, point, SIZE)!;
+        expect(at.x).toBeCloseTo(250, 6);
+        expect(at.y).toBeCloseTo(120, 6);
+      }
+  });
+  it("zooms to the pointer: what is there stays there", () => {
+    for (const from of [rig(), parallel()])
+      for (const factor of [0.5, 0.9, 1.7]) {
+        const point = pointAt(from, [500, 90], SIZE, 3);
+        const closer = dolly(from, factor, point);
+        const at = project(closer.camera, point, SIZE)!;
+        expect(at.x).toBeCloseTo(500, 6);
+        expect(at.y).toBeCloseTo(90, 6);
+        // The pivot stays in the middle of the picture.
+        const middle = project(closer.camera, closer.pivot, SIZE)!;
+        expect(middle.x).toBeCloseTo(320, 6);
+      }
+  });
+  it("keeps the size of the subject in parallels and back", () => {
+    const top: Vec3 = [0, 1, 0];
+    const before = project(rig().camera, top, SIZE)!;
+    const there = parallel();
+    expect(there.camera.projection.projection).toBe("orthographic");
+    expect(project(there.camera, top, SIZE)!.y).toBeCloseTo(before.y, 9);
+    const back = toggleParallel(dolly(there, 0.5), SIZE, camera.projection);
+    const twice = 200 - (200 - before.y) * 2;
+    expect(project(back.camera, top, SIZE)!.y).toBeCloseTo(twice, 6);
+  });
+  it("is not taken under the ground by drags, but by flying", () => {
+    const low: Camera = { ...camera, eye: [2, 1.7, 9.5], towards: [-0.2, 0.08, -0.97] };
+    const around = { subject: bounds, up: [0, 1, 0] as Vec3, ground: 0 };
+    let r = rigOf({ ...low, ...{ up: [0, 1, 0] } }, around);
+    for (let i = 0; i < 50; i++) r = orbitAboveGround(r, 0.01, -0.02);
+    expect(r.camera.eye[1]).toBeGreaterThan(0);
+    expect(r.camera.eye[1]).toBeLessThan(0.5);
+    for (let i = 0; i < 50; i++) r = aboveGround(r, move(r, 0, -0.1, 0));
+    expect(r.camera.eye[1]).toBeGreaterThan(0);
+    r = move(r, 0, -3, 0);
+    expect(r.camera.eye[1]).toBeLessThan(0);
+    expect(orbitAboveGround(r, 0.1, 0.1)).toEqual(orbit(r, 0.1, 0.1));
+  });
+  it("turns about the same point after a move is undone", () => {
+    const turned = orbit(rig(), 0.4, 0.2);
+    const back = withCamera(turned, camera);
+    expect(length(sub(back.pivot, rig().pivot))).toBeLessThan(1e-9);
   });
   it("has the field of view it is given", () => {
     expect(fieldOfView(withFieldOfView(camera, 60), [4, 3])).toBeCloseTo(60, 9);
@@ -97,7 +180,7 @@ describe("camera", () => {
 
 describe("frames", () => {
   it("are read from their header", () => {
-    const bytes = new ArrayBuffer(46);
+    const bytes = new ArrayBuffer(HEADER_SIZE + 6);
     const view = new DataView(bytes);
     [1, 7, 3, 2, 1, 1, 16, 64].forEach((word, i) => {
       view.setUint32(i * 4, word, true);
@@ -113,6 +196,35 @@ describe("frames", () => {
     ]);
     expect([frame.milliseconds, frame.payload.byteLength]).toEqual([12.5, 6]);
     expect(parseFrame(new ArrayBuffer(3))).toBeNull();
+  });
+  it("come in parts, and one may take the place of another", () => {
+    const part = (frame: number, offset: number, total: number, ...bytes: number[]) => {
+      const message = new Uint8Array(PART_SIZE + bytes.length);
+      new Uint32Array(message.buffer, 0, 3).set([frame, offset, total]);
+      message.set(bytes, PART_SIZE);
+      return message.buffer;
+    };
+    const parts = new Parts();
+    const whole = (message: ArrayBuffer) => {
+      const joined = parts.add(message)?.whole;
+      return joined ? [...new Uint8Array(joined)] : null;
+    };
+    expect(whole(part(1, 0, 3, 7, 8))).toBeNull();
+    expect(whole(part(1, 2, 3, 9))).toEqual([7, 8, 9]);
+    expect(whole(part(2, 0, 4, 1, 2))).toBeNull();
+    expect(whole(part(3, 0, 1, 5))).toEqual([5]);
+    expect(whole(part(2, 2, 4, 3, 4))).toBeNull();
+    expect(parts.add(new ArrayBuffer(3))).toBeNull();
+  });
+  it("have every bit of every value", async () => {
+    const planes = [0, 0, 0, 0x10, 0, 0xff, 0x78, 0x07, 0, 2, 0, 8];
+    const packed = new Blob([Uint8Array.from(planes)]).stream();
+    const deflated = packed.pipeThrough(new CompressionStream("deflate"));
+    const bytes = await new Response(deflated).arrayBuffer();
+    expect([...(await unpackHalves(bytes, [2, 1]))]).toEqual([
+      0x3c00, 0x3c00, 0x3c00, 0x4000, 0x3800, 0x3c01,
+    ]);
+    await expect(unpackHalves(bytes, [3, 1])).rejects.toThrow();
   });
 });
 

@@ -29,6 +29,7 @@ const HELP: &str = "cargo xtask COMMAND
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
   parameters  write docs/user/parameters.md, settings.md and python/snell/_settings.py; tests say
          when they are out of date
+  gallery  make the pictures of the built-in scenes for the viewer's gallery
   golden make the pictures of golden scenes that changed the new references; look at them before \
   you commit
 ";
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
         "lint" => lint::check(std::env::args().nth(2).as_deref() != Some("--quick")),
         "fmt" => lint::format(),
         "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
+        "gallery" => gallery(),
         "golden" => golden(),
         "parameters" => parameters(),
         "sanitize" => sanitize::run(std::env::args().nth(2).as_deref()),
@@ -125,6 +127,13 @@ fn golden() -> bool {
         );
     }
     succeeded
+}
+
+/// Makes the pictures of the built-in scenes in `crates/viewer/gallery/`.
+fn gallery() -> bool {
+    let mut command = cargo(&["test", "--package", "snell-viewer", "--lib", "gallery::"]);
+    command.env("SNELL_GALLERY", "write");
+    run("gallery", command)
 }
 
 /// Writes the pages of parameters and settings, and the types of settings in Python, from their

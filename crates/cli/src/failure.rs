@@ -2,6 +2,7 @@
 
 use snell_formats::error::one_line;
 use snell_formats::{ReadError, WriteError};
+use snell_persist::Problem;
 use snell_scene::overrides::{OverrideError, nearest};
 use std::process::ExitCode;
 
@@ -35,6 +36,16 @@ impl Failure {
         match self {
             Self::Usage(_) | Self::Override(_) => ExitCode::from(2),
             _ => ExitCode::from(1),
+        }
+    }
+}
+
+impl From<Problem> for Failure {
+    fn from(problem: Problem) -> Self {
+        match problem {
+            Problem::Usage(message) => Self::Usage(message),
+            Problem::Other(message) => Self::Other(message),
+            Problem::Write(error) => Self::Write(error),
         }
     }
 }

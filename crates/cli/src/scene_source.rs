@@ -2,13 +2,15 @@
 
 use crate::failure::Failure;
 use crate::{spectrum_file, usd};
-use snell_formats::ReadOptions;
-use snell_scene::Scene;
+use snell_formats::image::read_environment;
+use snell_formats::{Input, ReadOptions};
 use snell_scene::builtin::{BUILTINS, builtin};
 use snell_scene::overrides::nearest;
+use snell_scene::{Image, Scene};
 use std::ffi::OsString;
 use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Loads the scene named on the command line: a file, `-` for standard input, or a built-in scene.
 /// A file takes precedence over a built-in name.
@@ -79,9 +81,17 @@ pub fn apply(scene: &mut Scene, define: &[String]) -> Result<(), Failure> {
         if scene.takes_parameter(definition.split('=').next().unwrap_or_default()) {
             continue;
         }
-        snell_scene::overrides::apply(scene, &spectrum_file::resolve(definition)?)?;
+        let definition = spectrum_file::resolve(definition)?;
+        snell_scene::overrides::apply_with(scene, &definition, &picture)?;
     }
     Ok(())
+}
+
+/// Opens a picture that a definition names.
+fn picture(name: &str) -> Result<Arc<Image>, String> {
+    let input = Input::open(Path::new(name), &ReadOptions::default());
+    let image = input.and_then(|input| read_environment(&input)).map_err(|e| e.to_string())?;
+    Ok(Arc::new(image))
 }
 
 /// The stem of the default output file.

@@ -173,6 +173,26 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// A file that is removed when this is dropped, and by [`abandon`].
+#[derive(Debug)]
+pub struct Passing(PathBuf);
+
+impl Passing {
+    /// The file at `path`, which need not be there.
+    pub fn new(path: PathBuf) -> Self {
+        temporaries().insert(path.clone());
+        Self(path)
+    }
+}
+
+impl Drop for Passing {
+    fn drop(&mut self) {
+        if temporaries().remove(&self.0) {
+            let _ = std::fs::remove_file(&self.0);
+        }
+    }
+}
+
 /// Content that is written but not yet renamed into place.
 enum Staged {
     /// A file under a temporary name.

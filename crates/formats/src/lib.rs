@@ -172,6 +172,7 @@ fn read_input(mut input: Input) -> Result<Scene, ReadError> {
     if mesh::FORMATS.iter().any(|(format, _)| format.name == reader.name) {
         mesh::read_again_if_far(&mut input, reader, &mut scene)?;
     }
+    snell_scene::framing::show_colors(&mut scene);
     if let Some(Environment::Image { image, .. }) = &scene.environment {
         image::charge_environment(&input, image)?;
     }

@@ -35,6 +35,9 @@ use snell_scene::Projection;
 ///     Distance of the plane in focus; the distance of the target if left out.
 /// resolution : two whole numbers, optional
 ///     Size of the picture that the camera is made for.
+/// clip : four numbers, optional
+///     A plane `(a, b, c, d)` that cuts the scene open: the camera sees only points with
+///     `a x + b y + c z + d >= 0`. Light is that of the whole scene.
 /// name : str
 ///     A name, for `camera="name"`.
 /// **parameters
@@ -83,6 +86,18 @@ fn at_least(value: f64, low: f64, name: &str) -> PyResult<f64> {
         return Ok(value);
     }
     Err(PyValueError::new_err(format!("{name} is {value}, expected a number from {low}")))
+}
+
+/// The coefficients of a plane, checked.
+fn plane(clip: [f64; 4]) -> PyResult<[f64; 4]> {
+    if clip.iter().all(|c| c.is_finite()) && clip[..3] != [0.0; 3] {
+        return Ok(clip);
+    }
+    let message = format!(
+        "clip is {clip:?}, expected a plane (a, b, c, d) whose first three numbers, its normal, \
+         are not all 0"
+    );
+    Err(PyValueError::new_err(message))
 }
 
 /// The size of the pictures that a camera is made for: the given one, or that of its matrix.
@@ -157,7 +172,8 @@ impl Camera {
     #[new]
     #[pyo3(signature = (
         projection="perspective", /, *, eye, target=None, towards=None, up=None, fov=None,
-        aperture_radius=0.0, focus_distance=None, resolution=None, name=None, **parameters
+        aperture_radius=0.0, focus_distance=None, resolution=None, clip=None, name=None,
+        **parameters
     ))]
     fn new(
         projection: &str,
@@ -169,6 +185,7 @@ impl Camera {
         aperture_radius: f64,
         focus_distance: Option<f64>,
         resolution: Option<[u32; 2]>,
+        clip: Option<[f64; 4]>,
         name: Option<Name>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
@@ -199,6 +216,7 @@ impl Camera {
             camera.focus_distance = at_least(distance, f64::MIN_POSITIVE, "focus_distance")?;
         }
         camera.resolution = made_for(resolution, &camera.projection)?;
+        camera.clip = clip.map(plane).transpose()?;
         camera.name = name.map_or(String::new(), |name| name.0);
         Ok(Self(camera))
     }
@@ -216,7 +234,7 @@ impl Camera {
     /// ((1.0, 0.0, 5.0), (0.0, 0.0, -1.0), (64, 48), 'front')
     #[pyo3(signature = (
         *, eye=None, target=None, towards=None, up=None, fov=None, aperture_radius=None,
-        focus_distance=None, resolution=None, name=None, **parameters
+        focus_distance=None, resolution=None, clip=None, name=None, **parameters
     ))]
     fn replace(
         &self,
@@ -229,6 +247,7 @@ impl Camera {
         aperture_radius: Option<f64>,
         focus_distance: Option<f64>,
         resolution: Option<[u32; 2]>,
+        clip: Option<[f64; 4]>,
         name: Option<Name>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
@@ -282,6 +301,9 @@ impl Camera {
             Some(_) => None,
         });
         camera.resolution = made_for(kept, &camera.projection)?.or(old.resolution);
+        if let Some(clip) = clip {
+            camera.clip = Some(plane(clip)?);
+        }
         if let Some(name) = name {
             camera.name = name.0;
         }
@@ -320,7 +342,7 @@ impl Camera {
     /// :meth:`Scene.cast_rays`.
     ///
     /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing
-    /// (outside of a fisheye's circle) they are 0.
+    /// (outside of a fisheye's circle) they are 0. They are whole rays, whatever `clip` cuts away.
     ///
     /// Parameters
     /// ----------

@@ -17,6 +17,7 @@ use snell_formats::image::{
     write_image,
 };
 use snell_formats::{Input, ReadOptions, WriteError};
+use snell_persist::Receipt;
 use snell_render::IntegratorKind;
 use snell_scene::{Layer, LayeredImage, SceneSettings};
 use std::path::PathBuf;
@@ -83,8 +84,32 @@ pub struct Image {
     variance: Option<Arc<LayeredImage>>,
     look: Look,
     facts: Py<PyDict>,
+    receipt: Option<Receipt>,
     array: PyOnceLock<Py<PyAny>>,
     layers: PyOnceLock<Py<PyDict>>,
+}
+
+/// The receipt of a picture that is written with these options; `None` if another exposure would
+/// give it other pixels.
+fn written_receipt(
+    receipt: &Receipt,
+    exposure: Option<f64>,
+    tonemap: Option<&str>,
+    bits: i64,
+    half: bool,
+) -> Option<Receipt> {
+    // The error of each pixel is that of the picture with the exposure of the render.
+    if exposure.is_some() && receipt.has("--noise") {
+        return None;
+    }
+    let changes = [
+        exposure.map(|stops| format!("--exposure={stops}")),
+        tonemap.map(|name| format!("--tonemap={name}")),
+        (bits != 8).then(|| format!("--bits={bits}")),
+        half.then(|| "--half".to_string()),
+    ];
+    let of = |receipt: Receipt, argument| receipt.with_argument(argument);
+    Some(changes.into_iter().flatten().fold(receipt.clone(), of))
 }
 
 /// A layer as a read-only array. Layers of ids become int32, and layers with one channel have no
@@ -122,9 +147,15 @@ impl Image {
             variance: variance.map(Arc::new),
             look,
             facts,
+            receipt: None,
             array: PyOnceLock::new(),
             layers: PyOnceLock::new(),
         }
+    }
+
+    /// The image with the receipt of its render.
+    pub fn with_receipt(self, receipt: Option<Receipt>) -> Self {
+        Self { receipt, ..self }
     }
 
     /// The pixels and their layers.
@@ -432,6 +463,12 @@ impl Image {
             picture.layers.push(Layer { name: "variance".into(), ..of.layers[0].clone() });
         }
         picture.metadata = self.written_metadata(py)?;
+        let receipt = self.receipt.as_ref().filter(|_| !variance);
+        if let Some(receipt) =
+            receipt.and_then(|of| written_receipt(of, exposure, tonemap, bits, half))
+        {
+            picture.metadata.push((Receipt::KEY.into(), receipt.text()));
+        }
         let written = run_to_end_on(py, threads, move || write_image(&path, &picture, &options))?;
         written.map_err(|error| match &error {
             WriteError::Io { .. } => PyOSError::new_err(error.to_string()),
@@ -480,7 +517,13 @@ impl Image {
         let look = (exposure, tonemap.name(), srgb);
         Ok((
             restore,
-            (stored(py, &self.picture)?, variance, look, self.facts.clone_ref(py))
+            (
+                stored(py, &self.picture)?,
+                variance,
+                look,
+                self.facts.clone_ref(py),
+                self.receipt.as_ref().map(Receipt::text),
+            )
                 .into_pyobject(py)?,
         ))
     }
@@ -523,17 +566,21 @@ fn restored((width, height, stored): Stored<'_>) -> PyResult<LayeredImage> {
 
 /// Restores a picture from its pickled state.
 #[pyfunction]
+#[pyo3(signature = (picture, variance, look, facts, receipt=None))]
 pub fn _restore_image(
     picture: Stored<'_>,
     variance: Option<Stored<'_>>,
     look: (f64, String, bool),
     facts: &Bound<'_, PyDict>,
+    receipt: Option<&str>,
 ) -> PyResult<Image> {
     let (exposure, tonemap, srgb) = look;
     let tonemap = choice("tonemap", &tonemap, &Tonemap::ALL, Tonemap::name)?;
     let look = Look(Display { exposure, tonemap, srgb });
     let variance = variance.map(restored).transpose()?;
-    Ok(Image::new(restored(picture)?, variance, look, facts.copy()?.unbind()))
+    let receipt = receipt.and_then(|text| Receipt::parse(text).ok());
+    let image = Image::new(restored(picture)?, variance, look, facts.copy()?.unbind());
+    Ok(image.with_receipt(receipt))
 }
 
 /// A picture in the form for comparison.

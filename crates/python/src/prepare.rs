@@ -12,6 +12,7 @@ use snell_math::DVec3;
 use snell_render::{CompiledScene, Moving};
 use snell_scene::framing::{FramingOptions, bring_near, prepare};
 use snell_scene::{Player, Scene};
+use std::sync::OnceLock;
 
 /// The options that decide, together with the scene, what is prepared.
 #[derive(Clone, Debug)]
@@ -47,6 +48,8 @@ pub struct Prepared {
     pub moved_by: DVec3,
     /// The warnings of the reader and the compiler.
     pub warnings: Vec<String>,
+    /// The hash of the file that holds the scene, once it is known.
+    pub file_hash: OnceLock<String>,
 }
 
 impl Prepared {
@@ -72,7 +75,7 @@ impl Prepared {
         let compiled = compiled.map_err(|e| failed(&e))?;
         let warnings = scene.warnings.iter().chain(&compiled.warnings);
         let warnings = warnings.map(snell_scene::Warning::to_string).collect();
-        Ok(Self { compiled, scene, origins, moved_by, warnings })
+        Ok(Self { compiled, scene, origins, moved_by, warnings, file_hash: OnceLock::new() })
     }
 }
 

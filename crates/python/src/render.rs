@@ -2,24 +2,30 @@
 //! is over or the render is stopped.
 
 use crate::cameras;
+use crate::contents::Contents;
+use crate::encoding::warn;
 use crate::image::{Image, Look};
+use crate::keeping::{Keeping, RunError};
 use crate::memory;
 use crate::origins::{self, ID_AOVS};
 use crate::prepare::{Prepared, Request as Preparation};
+use crate::receipts;
 use crate::scene::Scene;
-use crate::settings::{self, Keywords, denoise_error, request_error};
-use crate::work::{Cancel, Threads, begin_alone};
+use crate::settings::{self, Keywords, request_error};
+use crate::work::{Cancel, Threads, begin_alone, run_to_end};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 use snell_formats::image::cryptomatte;
 use snell_math::DVec3;
 use snell_oidn::{DenoiseError, Denoiser};
+use snell_persist::{Checkpoint, Receipt, Saved, Wording};
 use snell_render::layers::{Coverage, name_groups};
 use snell_render::{Aov, Film, Job, Progress, Pulse, Request, Settings, Underway, with_patience};
 use snell_scene::{Camera, LayeredImage};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Interval of progress reports.
@@ -34,14 +40,34 @@ pub struct Plan {
     look: Look,
     /// Layers that only are needed for others, and are not returned.
     hidden: Vec<&'static str>,
+    /// The file that keeps the render on its way.
+    keeping: Option<Keeping>,
+    /// The options of `snell render` that give the same picture, if there are such.
+    arguments: Option<Vec<String>>,
 }
 
 /// The state of a render so far.
 struct PartialRender {
     underway: Underway,
+    checkpoint: Option<Checkpoint>,
     /// True if all pixels are finished.
     is_done: bool,
     seconds: f64,
+}
+
+impl PartialRender {
+    fn new(underway: Underway, checkpoint: Option<Checkpoint>) -> Self {
+        Self { underway, checkpoint, is_done: false, seconds: 0.0 }
+    }
+
+    /// Saves the render, if a file keeps it and does not have all of it; returns a warning.
+    fn save(&mut self, settings: &Settings) -> Option<String> {
+        self.checkpoint.as_mut()?.write(&self.underway, settings)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The goal of one run of a render.
@@ -60,11 +86,19 @@ struct Watch {
     progress: Mutex<Progress>,
 }
 
+/// A picture of a film.
+pub struct Finished {
+    picture: LayeredImage,
+    variance: LayeredImage,
+    receipt: Option<Receipt>,
+}
+
 /// The result of a render.
 struct Rendered {
     partial: PartialRender,
-    picture: LayeredImage,
-    variance: LayeredImage,
+    finished: Finished,
+    /// What went wrong with the checkpoint.
+    warnings: Vec<String>,
 }
 
 /// A render that can be continued.
@@ -86,6 +120,8 @@ pub struct Task {
     pub settings: Settings,
     /// The denoiser.
     pub denoiser: Option<Denoiser>,
+    /// The contents of the scene.
+    pub contents: Arc<Contents>,
 }
 
 impl Task {
@@ -114,7 +150,8 @@ impl Task {
             memory::check_picture(&least, 1, false)?;
         }
         let mut build = request.build();
-        build.compact |= scene.get().0.contents(py).compact;
+        let contents = scene.get().0.contents(py);
+        build.compact |= contents.compact;
         let size = request.size.unwrap_or(Request::DEFAULT_SIZE);
         let shutter = shutter(keywords)?;
         let wanted = Preparation { build, size, shutter };
@@ -126,7 +163,7 @@ impl Task {
         }
         let settings = request.resolve(&prepared.scene, &camera).map_err(request_error)?;
         memory::check_picture(&settings, threads.count(), request.denoise.is_some())?;
-        Ok(Self { prepared, camera, request, settings, denoiser: None })
+        Ok(Self { prepared, camera, request, settings, denoiser: None, contents })
     }
 }
 
@@ -145,16 +182,34 @@ fn shutter(keywords: &Keywords<'_, '_>) -> PyResult<Option<[f64; 2]>> {
 
 #[pymethods]
 impl _Render {
-    /// Prepares the scene and reads the options.
+    /// Prepares the scene and reads the options. `checkpoint` is the file that keeps the render on
+    /// its way, the seconds between two savings, and whether the render goes on with what is there.
     #[new]
+    #[pyo3(signature = (scene, options, checkpoint=None))]
     fn new<'py>(
         py: Python<'py>,
         scene: &Bound<'py, Scene>,
         options: &Bound<'py, PyDict>,
+        checkpoint: Option<(PathBuf, f64, bool)>,
     ) -> PyResult<Self> {
         let keywords = Keywords(options);
-        let plan = Plan::new(Task::new(py, scene, &keywords)?, &keywords)?;
+        let mut plan = Plan::new(Task::new(py, scene, &keywords)?, &keywords)?;
+        if let Some(wanted) = checkpoint {
+            plan.keeping = Some(Keeping::new(py, scene, &plan.task, &keywords, wanted)?);
+        }
         Ok(Self { plan: Arc::new(plan), partial: Mutex::new(None) })
+    }
+
+    /// Saves the render, if a file keeps it.
+    fn save(&self, py: Python<'_>) -> PyResult<()> {
+        let Some(mut partial) = lock(&self.partial).take() else { return Ok(()) };
+        let plan = self.plan.clone();
+        let (partial, warning) = run_to_end(py, move || {
+            let warning = partial.save(&plan.task.settings);
+            (partial, warning)
+        })?;
+        *lock(&self.partial) = Some(partial);
+        warning.map_or(Ok(()), |warning| warn(py, warning))
     }
 
     /// Requested samples per pixel.
@@ -163,10 +218,16 @@ impl _Render {
         self.plan.task.settings.spp
     }
 
+    /// The number of samples that pixels which take more samples have.
+    #[getter]
+    fn taken(&self) -> u32 {
+        lock(&self.partial).as_ref().map_or(0, |partial| partial.underway.samples())
+    }
+
     /// True if the render is complete.
     #[getter]
     fn is_done(&self) -> bool {
-        let partial = self.partial.lock().unwrap_or_else(PoisonError::into_inner);
+        let partial = lock(&self.partial);
         partial.as_ref().is_some_and(|partial| partial.is_done)
     }
 
@@ -188,7 +249,7 @@ impl _Render {
             .time);
         let goal = Goal { samples, time };
         let watch = Arc::new(Watch::default());
-        let partial = self.partial.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let partial = lock(&self.partial).take();
         let doing = (self.plan.clone(), watch.clone());
         let job = begin_alone(py, self.plan.threads, move || doing.0.run(partial, goal, &doing.1))?;
         let (start, mut reported) = (Instant::now(), Instant::now());
@@ -208,9 +269,16 @@ impl _Render {
         });
         if waited.is_err() {
             watch.cancel.stop();
+            if self.plan.keeping.is_some() {
+                // What was rendered is saved before the program goes on, or ends.
+                py.detach(|| job.wait_to_end());
+                let rendered = job.take()?;
+                *lock(&self.partial) = rendered.ok().map(|rendered| rendered.partial);
+            }
         }
         waited?;
-        let Rendered { partial, picture, variance } = job.take()?.map_err(denoise_error)?;
+        let Rendered { partial, finished, warnings } = job.take()?.map_err(|e| e.raised())?;
+        warnings.into_iter().try_for_each(|warning| warn(py, warning))?;
         if let Some(report) = report.filter(|_| watch.cancel.check().is_ok()) {
             // Short renders would not report anything otherwise.
             let progress = *watch.progress.lock().unwrap_or_else(PoisonError::into_inner);
@@ -219,8 +287,8 @@ impl _Render {
             report.call1(py, (share, rays))?;
         }
         let PartialRender { underway, seconds, .. } = &partial;
-        let image = self.plan.image(py, (picture, variance), underway, *seconds);
-        *self.partial.lock().unwrap_or_else(PoisonError::into_inner) = Some(partial);
+        let image = self.plan.image(py, finished, underway, *seconds);
+        *lock(&self.partial) = Some(partial);
         image
     }
 }
@@ -241,7 +309,8 @@ impl Plan {
         let look = Look::of(&task.prepared.scene.settings, task.settings.integrator)?;
         let look = look.with(exposure, tonemap.as_deref())?;
         let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
-        Ok(Self { task, threads, look, hidden })
+        let arguments = receipts::arguments(&task, keywords)?;
+        Ok(Self { task, threads, look, hidden, keeping: None, arguments })
     }
 
     fn run(
@@ -249,7 +318,7 @@ impl Plan {
         partial: Option<PartialRender>,
         goal: Goal,
         watch: &Watch,
-    ) -> Result<Rendered, DenoiseError> {
+    ) -> Result<Rendered, RunError> {
         let (pulse, time) = (Pulse::default(), goal.time);
         let is_stopped = || watch.cancel.check().is_err() || pulse.is_stuck(time);
         with_patience(is_stopped, |cancel| self.run_with(partial, goal, watch, &pulse, cancel))
@@ -262,7 +331,7 @@ impl Plan {
         watch: &Watch,
         pulse: &Pulse,
         cancel: &AtomicBool,
-    ) -> Result<Rendered, DenoiseError> {
+    ) -> Result<Rendered, RunError> {
         let Task { prepared, camera, request, settings, .. } = &self.task;
         let (start, compiled) = (Instant::now(), &prepared.compiled);
         let job = Job::new(compiled, camera, settings).with_cancel(cancel);
@@ -277,19 +346,38 @@ impl Plan {
             !progress.is_late(start.elapsed(), goal.time, is_timed) && watch.cancel.check().is_ok()
         };
         let threads = self.threads.count();
-        let (mut underway, mut seconds) = match partial {
-            Some(partial) => (partial.underway, partial.seconds),
-            None => (job.begin(threads, &keep_going), 0.0),
+        let mut warnings = Vec::new();
+        let mut partial = match (partial, &self.keeping) {
+            (Some(partial), _) => partial,
+            (None, None) => PartialRender::new(job.begin(threads, &keep_going), None),
+            (None, Some(keeping)) => {
+                let checkpoint = keeping.checkpoint();
+                let (underway, warning) = checkpoint.begin(
+                    &job,
+                    keeping.resume,
+                    Wording::PYTHON,
+                    threads,
+                    &keep_going,
+                )?;
+                warnings.extend(warning);
+                PartialRender::new(underway, Some(checkpoint))
+            }
         };
+        let PartialRender { underway, checkpoint, is_done, seconds } = &mut partial;
         let until = goal.samples.unwrap_or(settings.spp);
-        let is_done = !job.go_on(&mut underway, until, threads, &keep_going);
-        let (picture, variance) = self.finish(&underway.film)?;
-        seconds += start.elapsed().as_secs_f64();
-        Ok(Rendered { partial: PartialRender { underway, is_done, seconds }, picture, variance })
+        let checkpoint = checkpoint.iter_mut().map(|checkpoint| checkpoint as &mut dyn Saved);
+        let mut saved: Vec<_> = checkpoint.collect();
+        let warn = &mut |warning| warnings.push(warning);
+        let go_on = snell_persist::go_on;
+        *is_done = !go_on(&job, underway, until, threads, &keep_going, &mut saved, warn);
+        *seconds += start.elapsed().as_secs_f64();
+        let finished = self.finish(&underway.film, *seconds)?;
+        Ok(Rendered { partial, finished, warnings })
     }
 
-    /// The picture of a film with all its layers, denoised if that was requested, and its variance.
-    pub fn finish(&self, film: &Film) -> Result<(LayeredImage, LayeredImage), DenoiseError> {
+    /// The picture of a film with all its layers, denoised if that was requested, its variance, and
+    /// its receipt. `seconds` is the time that the film took.
+    pub fn finish(&self, film: &Film, seconds: f64) -> Result<Finished, DenoiseError> {
         let Task { prepared, settings, denoiser, .. } = &self.task;
         let mut picture = snell_render::picture(film, settings, &prepared.compiled);
         origins::rename(&mut picture, prepared);
@@ -301,14 +389,16 @@ impl Plan {
             denoiser.denoise_picture(&mut picture, self.threads.count())?;
         }
         let variance = variance(film, picture.layers[0].channels.len());
-        Ok((picture, variance))
+        let arguments = self.arguments.as_ref();
+        let receipt = arguments.and_then(|a| receipts::of_film(&self.task, a, film, seconds));
+        Ok(Finished { picture, variance, receipt })
     }
 
     /// A picture with the metadata of a render.
     pub fn image(
         &self,
         py: Python<'_>,
-        (picture, variance): (LayeredImage, LayeredImage),
+        Finished { picture, variance, receipt }: Finished,
         underway: &Underway,
         seconds: f64,
     ) -> PyResult<Image> {
@@ -316,7 +406,7 @@ impl Plan {
         for (key, value) in &picture.metadata {
             facts.bind(py).set_item(key, value)?;
         }
-        Ok(Image::new(picture, Some(variance), self.look, facts))
+        Ok(Image::new(picture, Some(variance), self.look, facts).with_receipt(receipt))
     }
 
     /// Adds the layers and the metadata of Cryptomatte.

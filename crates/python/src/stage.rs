@@ -20,9 +20,7 @@ use pyo3::exceptions::{PyAttributeError, PyIndexError, PyTypeError, PyValueError
 use pyo3::prelude::*;
 use pyo3::types::PyList;
 use snell_formats::WriteError;
-use snell_math::Rgb;
 use snell_scene::graph::{ImageId, MediumId};
-use snell_scene::material::Diffuse;
 use snell_scene::medium::Medium;
 use snell_scene::{MaterialId, Scene as Graph, TextureId};
 use std::collections::HashSet;
@@ -77,15 +75,11 @@ pub fn add_material(contents: &mut Contents, material: &Material) -> PyResult<Ma
     Ok(known.map_or_else(|| stage.add_material(wanted), |at| MaterialId(at as u32)))
 }
 
-fn white() -> snell_scene::Material {
-    snell_scene::Material::new("", Diffuse::new(Rgb::WHITE))
-}
-
 /// The id of a white matte material on a stage, with which colours of vertices are shown as they
 /// are.
 pub fn add_white(contents: &mut Contents) -> MaterialId {
     let stage = contents.stage_mut();
-    let wanted = white();
+    let wanted = snell_scene::Material::white();
     let known = stage.materials.iter().position(|known| *known == wanted);
     known.map_or_else(|| stage.add_material(wanted), |at| MaterialId(at as u32))
 }
@@ -436,18 +430,13 @@ impl Scene {
         let is_masked = has_masks(&contents);
         let written = run_to_end_on(py, Threads::new(threads)?, move || {
             let scene = graph(&contents, Purpose::File).map_err(Err)?;
-            // White stands only for the colours of vertices, which are written.
-            let are_white = scene.materials.iter().all(|material| *material == white());
-            let written = snell_formats::write_scene_as(&path, &scene, true).map_err(Ok)?;
-            Ok((written, are_white))
+            snell_formats::write_scene_as(&path, &scene, true).map_err(Ok)
         })?;
-        let (written, are_white) =
-            written.map_err(|error: Result<WriteError, String>| match error {
-                Ok(error) => write_error(&error),
-                Err(message) => PyValueError::new_err(message),
-            })?;
+        let written = written.map_err(|error: Result<WriteError, String>| match error {
+            Ok(error) => write_error(&error),
+            Err(message) => PyValueError::new_err(message),
+        })?;
         let losses = written.losses.iter().map(snell_scene::Warning::to_string);
-        let losses = losses.filter(|loss| !(are_white && loss == "materials are left out"));
         let masks = is_masked.then(|| "masks are left out".to_string());
         let warn = py.import("warnings")?.getattr("warn")?;
         let category = py.import("snell._render")?.getattr("SceneWarning")?;

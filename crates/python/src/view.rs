@@ -15,7 +15,9 @@ use snell_render::Request;
 use snell_scene::Camera;
 use snell_scene::framing::{FramingOptions, prepare};
 use snell_viewer::explain::{Question, Subject, report, structures};
-use snell_viewer::{Opened, Server, ServerOptions, Source, Which, read_dropped};
+use snell_viewer::{
+    CameraForSize, Opened, PlainWriter, Server, ServerOptions, Source, Which, read_dropped,
+};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The explanation of a pixel, as JSON. With `structures`, also the traversal of those acceleration
@@ -165,12 +167,9 @@ impl Source for Shown {
                     .ok_or("there is no such built-in scene")?;
                 (name, scene)
             }
-            Which::Dropped { name, bytes } => {
-                let scene = read_dropped(&name, bytes, &ReadOptions::default())?;
-                (name, scene)
-            }
+            Which::Dropped(files) => read_dropped(files, &ReadOptions::default())?,
         };
-        let is_camera_made = scene.cameras.is_empty();
+        let camera_for_size = scene.cameras.is_empty().then(|| camera_maker(&scene));
         let size = self.request.size.unwrap_or(Request::DEFAULT_SIZE);
         let framing = FramingOptions { size, ..FramingOptions::default() };
         prepare(&mut scene, &framing).map_err(|e| e.to_string())?;
@@ -191,14 +190,27 @@ impl Source for Shown {
         let settings = self.request.resolve(&scene, &camera).map_err(|e| e.to_string())?;
         let request = self.request.clone();
         Ok(Opened {
+            animate: None,
             scene,
             camera,
             camera_number,
-            is_camera_made,
+            camera_for_size,
             request,
             settings,
             display,
+            is_encoding_given: false,
+            writer: Arc::new(PlainWriter),
             command,
         })
     }
+}
+
+/// Makes the camera that a scene without one gets for a picture of another size.
+fn camera_maker(scene: &snell_scene::Scene) -> CameraForSize {
+    let scene = scene.clone();
+    Arc::new(move |size| {
+        let mut scene = scene.clone();
+        prepare(&mut scene, &FramingOptions { size, ..FramingOptions::default() }).ok()?;
+        scene.cameras.into_iter().next()
+    })
 }

@@ -190,6 +190,11 @@ impl<T> Job<T> {
         Ok(())
     }
 
+    /// Waits until the work is done.
+    pub fn wait_to_end(&self) {
+        while !self.wait(LOOK_AT_SIGNALS) {}
+    }
+
     /// Takes the result of the work, which must be done.
     pub fn take(&self) -> PyResult<T> {
         let result = self.result.lock().unwrap_or_else(PoisonError::into_inner).take();

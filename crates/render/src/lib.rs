@@ -46,9 +46,9 @@ pub use film::{Film, FilmTile, filter::Filter};
 pub use guiding::Guiding;
 pub use integrator::{IntegratorKind, albedos::Albedos, aov::Aov};
 pub use job::{
-    Fact, Header, Job, MARK_BYTES, Origin, Progress, Pulse, Recording, SavedError, Split,
-    Statistics, Task, TaskInput, TaskResult, Training, Underway, fact, facts, may_be_checkpoint,
-    with_patience,
+    Difference, FRAME, Fact, Header, Job, MARK_BYTES, Origin, Progress, Pulse, Recording,
+    SavedError, Split, Statistics, Task, TaskInput, TaskResult, Training, Underway, fact, facts,
+    may_be_checkpoint, with_patience,
 };
 pub use light_sampler::LightSamplerKind;
 pub use picture::picture;

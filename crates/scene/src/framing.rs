@@ -1,6 +1,7 @@
 //! Adds a camera and a sky to scenes that have none, so that a bare mesh gives a good picture.
 
 mod air;
+mod colors;
 mod emission;
 mod extent;
 mod far;
@@ -9,6 +10,7 @@ mod sky;
 mod upright;
 
 pub use air::fill_with_fog;
+pub use colors::show_colors;
 pub use far::{bring_near, far_origin};
 pub use fit::frame;
 pub use sky::{default_sky, sky_seen_by};

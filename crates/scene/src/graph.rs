@@ -88,6 +88,15 @@ impl Geometry {
         }
     }
 
+    /// True if its vertices or control points have colours.
+    pub fn has_colors(&self) -> bool {
+        match self {
+            Self::Mesh(mesh) => !mesh.colors.is_empty(),
+            Self::Shape(_) => false,
+            Self::Curves(curves) => !curves.colors().is_empty(),
+        }
+    }
+
     /// A description for users, such as "sphere" or "mesh of 12 triangles".
     pub fn describe(&self) -> String {
         match self {

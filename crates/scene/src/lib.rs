@@ -23,6 +23,7 @@ pub mod overrides;
 pub mod placed;
 mod ranges;
 pub mod settings;
+pub mod surroundings;
 pub mod texture;
 pub mod written;
 

@@ -3,18 +3,31 @@
 //! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`,
 //! `light.NUMBER.PARAMETER`, `medium.NUMBER.PARAMETER`, `node.NAME.visible`, `environment.rotation`
 //! (degrees about the scene's up axis, counter-clockwise as seen from above), `environment.scale`,
-//! `ambient`. The parameters are those that the types in the scene declare. The value is JSON;
-//! anything that is not JSON is taken as plain text.
+//! `environment`, `background`, `background.color`, `ambient`. `material.NUMBER`, `light.NUMBER`,
+//! `camera.NUMBER`, `texture.NUMBER` and `image.NUMBER` are whole entries of the scene's tables;
+//! the number behind the last adds one, and `light.NUMBER=null` removes a light. The parameters are
+//! those that the types in the scene declare. The value is JSON; anything that is not JSON is taken
+//! as plain text.
+
+mod node;
+mod surroundings;
+mod table;
+
+pub use surroundings::rotation;
 
 use crate::material::MaterialKind;
 use crate::ranges::BRIGHTEST;
 use crate::written::{misfit, unknown_names};
-use crate::{Environment, Material, Scene};
+use crate::{Image, Material, Scene};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
+use snell_math::Rgb;
 use snell_math::parameters::{Kind, Value as Parameters, problem_at};
-use snell_math::{DAffine3, DVec3, Rgb};
+use std::sync::Arc;
+
+/// Opens the picture of a name; the error says why it cannot be.
+pub type OpenPicture<'a> = &'a dyn Fn(&str) -> Result<Arc<Image>, String>;
 
 /// The reason why a change is not possible, with the alternatives.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -30,13 +43,25 @@ fn error(key: &str, problem: impl Into<String>) -> OverrideError {
     OverrideError { key: key.to_string(), problem: problem.into() }
 }
 
-/// Applies one change `key=value`. If that fails, the scene is unchanged.
+/// Applies one change `key=value`. If that fails, the scene is unchanged. No pictures are opened.
 pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
+    apply_with(scene, definition, &|name| Err(format!("{name}: there is no such picture here")))
+}
+
+/// Applies one change `key=value`, which may name a picture. If that fails, the scene is unchanged.
+pub fn apply_with(
+    scene: &mut Scene,
+    definition: &str,
+    picture: OpenPicture<'_>,
+) -> Result<(), OverrideError> {
     let Some((key, text)) = definition.split_once('=') else {
         let problem = "expected key=value, such as material.floor.reflectance.factor=[1,0,0]";
         return Err(error(definition, problem));
     };
     let value = value_of(text);
+    if let Some(outcome) = table::edit(scene, key, &value, picture) {
+        return outcome;
+    }
     let (family, rest) = key.split_once('.').unwrap_or((key, ""));
     match family {
         "ambient" => {
@@ -82,32 +107,12 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
             scene.media[index].keep_grids_of(&before);
             Ok(())
         }
-        "node" => {
-            let names: Vec<String> = scene.nodes.iter().map(|n| n.name.clone()).collect();
-            // Numbers are tried first, because nodes in many files have numbers as names.
-            let numbered = rest
-                .split_once('.')
-                .and_then(|(number, path)| Some((number.parse::<usize>().ok()?, path)));
-            let (index, path) = match numbered.filter(|(index, _)| *index < names.len()) {
-                Some(numbered) => numbered,
-                None => find(key, "node", &names, rest)?,
-            };
-            if path != "visible" {
-                return Err(error(
-                    key,
-                    format!("there is no parameter \"{path}\" (known: visible)"),
-                ));
-            }
-            if !from_value::<bool>(key, value)? {
-                let node = &mut scene.nodes[index];
-                (node.surfaces, node.children) = (Vec::new(), Vec::new());
-            }
-            Ok(())
-        }
-        "environment" => edit_environment(scene, key, rest, value),
+        "node" => node::edit(scene, key, rest, value),
+        "environment" => surroundings::edit_environment(scene, key, rest, value, picture),
+        "background" => surroundings::edit_background(scene, key, rest, value),
         _ => {
-            let known =
-                "material.NAME, camera.NAME, light.NUMBER, medium.NUMBER, node.NAME, environment";
+            let known = "material.NAME, camera.NAME, light.NUMBER, medium.NUMBER, node.NAME, \
+                texture.NUMBER, image.NUMBER, environment, background";
             let names: Vec<_> = scene.parameters.iter().map(|(name, _)| name.as_str()).collect();
             let own =
                 if names.is_empty() { String::new() } else { format!(", or {}", names.join(", ")) };
@@ -218,48 +223,6 @@ fn kind_named(key: &str, name: &str) -> Result<Value, OverrideError> {
             ))
         }
     }
-}
-
-/// Rotates the environment, or scales its radiance.
-fn edit_environment(
-    scene: &mut Scene,
-    key: &str,
-    path: &str,
-    value: Value,
-) -> Result<(), OverrideError> {
-    let up = scene.settings.up.unwrap_or(DVec3::Y);
-    match (path, &mut scene.environment) {
-        (_, None) => Err(error(key, "the scene has no environment")),
-        ("scale", Some(Environment::Image { scale, .. })) => {
-            *scale = light(key, value)?;
-            Ok(())
-        }
-        ("rotation", Some(Environment::Image { world_from_environment, .. })) => {
-            let wanted: f64 = from_value(key, value)?;
-            if !wanted.is_finite() {
-                return Err(error(key, "a number of degrees"));
-            }
-            let turn = (wanted - rotation(world_from_environment, up)).to_radians();
-            *world_from_environment = DAffine3::from_axis_angle(up.normalize_or(DVec3::Y), turn)
-                * *world_from_environment;
-            Ok(())
-        }
-        ("rotation", Some(Environment::Constant(_))) => Ok(()),
-        ("scale", Some(Environment::Constant(_))) => {
-            Err(error(key, "a constant environment is its radiance: it has no scale"))
-        }
-        _ => Err(error(key, format!("there is no parameter \"{path}\" (known: rotation, scale)"))),
-    }
-}
-
-/// The rotation of an environment about a direction, in degrees from -180 to 180. It is the angle
-/// of the middle of the environment's image, measured from `-z` (from `+y` if up is along `z`).
-pub fn rotation(world_from_environment: &DAffine3, up: DVec3) -> f64 {
-    let up = up.normalize_or(DVec3::Y);
-    let level = |v: DVec3| (v - up * v.dot(up)).normalize_or_zero();
-    let zero = level(if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z });
-    let middle = level(world_from_environment.transform_vector3(DVec3::NEG_Z));
-    zero.cross(middle).dot(up).atan2(zero.dot(middle)).to_degrees()
 }
 
 /// The thing that a key names, by name or by number, and the rest of the key. Names may contain
@@ -487,9 +450,9 @@ fn edit_distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Medium;
     use crate::material::{Diffuse, MaterialKind};
-    use snell_math::Rgb;
+    use crate::{Environment, Medium};
+    use snell_math::{DAffine3, DVec3};
 
     fn scene() -> Scene {
         let mut scene = Scene::new("test");

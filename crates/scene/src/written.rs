@@ -1,8 +1,25 @@
 //! Compares values as scene files and users write them with the declarations of parameters, before
-//! `serde` reads them. It finds names that nothing declares, and values of the wrong type.
+//! `serde` reads them. It finds names that nothing declares, and values of the wrong type. And the
+//! written form of affine maps.
 
 use serde_json::Value;
 use snell_math::parameters::{Kind, Parameter};
+use snell_math::{DAffine3, DMat3, DVec3};
+
+/// An affine map as it is written in scenes: three rows of four numbers.
+pub type Rows = [[f64; 4]; 3];
+
+/// An affine map in rows.
+pub fn rows(map: &DAffine3) -> Rows {
+    let (m, t) = (map.matrix3, map.translation);
+    std::array::from_fn(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]])
+}
+
+/// The affine map of rows.
+pub fn affine(rows: &Rows) -> DAffine3 {
+    let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
+    DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
+}
 
 /// The names that an object may have; `None` if it has no declared names.
 fn names(kind: Kind, value: &Value) -> Option<Vec<&'static str>> {

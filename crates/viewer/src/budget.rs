@@ -1,6 +1,8 @@
-//! Chooses the size of moving pictures, so that frames come at the requested rate.
+//! Chooses how many samples moving pictures have, so that frames come at the requested rate and
+//! are large.
 
-/// Chooses the size of moving pictures from the time that the last ones took.
+/// Chooses the samples of moving pictures from the time that the last ones took. The pictures have
+/// twice the width and height (see [`crate::temporal`]).
 #[derive(Clone, Debug)]
 pub struct Budget {
     /// Time limit for a frame in seconds.
@@ -12,6 +14,14 @@ pub struct Budget {
 
 /// The minimum scale of width and height.
 const LEAST: f64 = 0.0875;
+/// The maximum scale, for pictures of full size.
+const MOST: f64 = 0.5;
+/// The scale of pictures of half the width: frames rather come later than that they are smaller.
+const LARGE: f64 = 0.25;
+/// How much later they come for that at most, as a multiple of the requested time.
+const LATER: f64 = 2.0;
+/// Samples of the first picture of a scene.
+const FIRST: f64 = 20_000.0;
 /// Share of a frame's time that is planned for rendering: some frames take longer than the previous
 /// ones.
 const SHARE: f64 = 0.85;
@@ -23,7 +33,7 @@ const TOLERANCE: [f64; 2] = [0.95, 1.2];
 impl Budget {
     /// A budget for this many frames per second.
     pub fn new(frames_per_second: f64) -> Self {
-        Self { target: SHARE / frames_per_second.clamp(1.0, 240.0), cost: None, scale: 0.5 }
+        Self { target: SHARE / frames_per_second.clamp(1.0, 240.0), cost: None, scale: MOST }
     }
 
     /// Resets the measured cost, for another scene.
@@ -31,19 +41,26 @@ impl Budget {
         self.cost = None;
     }
 
-    /// Width and height of the next frame, for a picture of size `full`.
+    /// Samples along width and height of the next frame, for a picture of size `full`; both numbers
+    /// are even.
     pub fn size(&mut self, full: [u32; 2]) -> [u32; 2] {
         let pixels = f64::from(full[0].max(1)) * f64::from(full[1].max(1));
         let wanted = match self.cost {
-            Some(cost) => (self.target / (cost * pixels)).sqrt().clamp(LEAST, 1.0),
+            Some(cost) => {
+                let within = |seconds: f64| (seconds / (cost * pixels)).sqrt();
+                let large = within(LATER * self.target).min(LARGE);
+                within(self.target).max(large).clamp(LEAST, MOST)
+            }
             // The first frame is small: if it were late, that would be worse than its coarseness.
-            None => (25_000.0 / pixels).sqrt().clamp(LEAST, 1.0),
+            None => (FIRST / pixels).sqrt().clamp(LEAST, MOST),
         };
         let change = wanted / self.scale;
-        if !(TOLERANCE[0]..=TOLERANCE[1]).contains(&change) || self.cost.is_none() {
+        let becomes_large = self.scale < LARGE && wanted >= LARGE;
+        let is_far = becomes_large || !(TOLERANCE[0]..=TOLERANCE[1]).contains(&change);
+        if is_far || self.cost.is_none() {
             self.scale = wanted;
         }
-        full.map(|side| ((f64::from(side) * self.scale).round() as u32).clamp(1, side.max(1)))
+        full.map(|side| 2 * ((f64::from(side) * self.scale / 2.0).round() as u32).max(1))
     }
 
     /// Records the time that a frame of this size took.
@@ -72,18 +89,33 @@ mod tests {
 
     #[test]
     fn frames_fit_into_their_time() {
-        for cost in [1e-8, 5e-8, 2e-7, 1e-6] {
+        for cost in [1e-8, 5e-8, 2e-7, 4e-7, 1e-6, 4e-6] {
             let size = settle(cost);
-            let seconds = f64::from(size[0] * size[1]) * cost;
-            assert!(seconds < 1.0 / 30.0, "{cost}: {size:?}");
-            assert!(size == [1280, 720] || seconds > 0.4 / 30.0, "{cost}: {size:?}");
+            let frames = f64::from(size[0] * size[1]) * cost * 30.0;
+            let most = if size[0] <= 320 { LATER } else { 1.0 };
+            assert!(frames < most, "{cost}: {size:?}");
+            assert!(size == [640, 360] || frames > 0.4, "{cost}: {size:?}");
         }
     }
 
     #[test]
-    fn nothing_is_smaller_than_the_least_or_larger_than_the_picture() {
-        assert_eq!(settle(1.0), [112, 63]);
-        assert_eq!(settle(0.0), [1280, 720]);
-        assert_eq!(Budget::new(f64::NAN.max(30.0)).size([1, 1]), [1, 1]);
+    fn frames_of_half_the_width_may_come_later() {
+        // 320 x 180 samples within one and two times the requested time.
+        let cost = |times: f64| times * SHARE / 30.0 / f64::from(320 * 180);
+        assert!(settle(cost(0.5))[0] > 400);
+        assert!(settle(cost(1.0))[0].abs_diff(320) <= 16);
+        assert!(settle(cost(1.9))[0].abs_diff(320) <= 16);
+        let mut budget = Budget::new(30.0);
+        budget.scale = 0.9 * LARGE;
+        budget.spent([320, 180], SHARE / 30.0);
+        assert_eq!(budget.size([1280, 720]), [320, 180]);
+        assert!(settle(cost(4.0))[0] < 250);
+    }
+
+    #[test]
+    fn nothing_is_smaller_than_the_least_or_larger_than_half_of_the_picture() {
+        assert_eq!(settle(1.0), [112, 62]);
+        assert_eq!(settle(0.0), [640, 360]);
+        assert_eq!(Budget::new(f64::NAN.max(30.0)).size([1, 1]), [2, 2]);
     }
 }

@@ -1,10 +1,10 @@
-//! Encodes pictures: JPEG while something moves, 16-bit floats at rest. A thread encodes while the
-//! next picture is rendered.
+//! Encodes pictures: JPEG while something moves, compressed 16-bit floats at rest. A thread encodes
+//! while the next picture is rendered.
 
+use crate::halves;
 use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Frame, Session};
 use half::f16;
-use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use snell_formats::image::{Display, Tonemap, display_value};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -14,6 +14,13 @@ use std::thread::Scope;
 
 /// Quality of JPEG while something moves.
 const JPEG_QUALITY: u8 = 82;
+/// The same if pictures would come too rarely: their size is half.
+const LOW_QUALITY: u8 = 45;
+/// Time that a moving picture may take on the line.
+const ON_THE_LINE: f64 = 0.1;
+/// Time that a picture at rest may take there, unless it is the last one, of which every bit is
+/// shown.
+const AT_REST: f64 = 1.0;
 
 /// A picture for the pages.
 pub struct Picture {
@@ -41,11 +48,13 @@ impl Encoder {
             let mut table = DisplayTable::new(Display::default());
             for picture in incoming {
                 let number = picture.header.frame;
-                match catch_unwind(AssertUnwindSafe(|| bytes_of(picture, &mut table))) {
+                let is_moving = picture.header.wanted == 0;
+                let time = if is_moving { ON_THE_LINE } else { AT_REST };
+                let most = session.pace.bytes_within(time);
+                match catch_unwind(AssertUnwindSafe(|| bytes_of(picture, &mut table, most))) {
                     Ok(Some(bytes)) => {
-                        session
-                            .frames
-                            .send_replace(Some(Arc::new(Frame { number, bytes: bytes.into() })));
+                        let frame = Frame { number, is_moving, bytes: bytes.into() };
+                        session.frames.send_replace(Some(Arc::new(frame)));
                     }
                     Ok(None) | Err(_) => {
                         let message = "a fault in the encoder: this picture is not shown".into();
@@ -63,16 +72,27 @@ impl Encoder {
     }
 }
 
-/// The bytes of a picture for the pages. `None` for sizes that JPEG does not support.
+/// The bytes of a picture for the pages. JPEG gets a lower quality, and floats at rest are rounded,
+/// if they would have more than `most` bytes. `None` for sizes that JPEG does not support.
 fn bytes_of(
     Picture { header, rgb, display }: Picture,
     table: &mut DisplayTable,
+    most: usize,
 ) -> Option<Vec<u8>> {
-    let Some(display) = display else { return Some(half_floats(header, &rgb)) };
+    let Some(display) = display else {
+        let compress = |is_rounded| {
+            let (width, head) = (header.size[0] as usize, header.to_bytes().to_vec());
+            halves::compress(&rgb, width, is_rounded, head).ok()
+        };
+        let bytes = compress(false)?;
+        let is_last = header.samples >= header.wanted;
+        return if bytes.len() > most && !is_last { compress(true) } else { Some(bytes) };
+    };
     if *table.display() != display {
         *table = DisplayTable::new(display);
     }
-    jpeg(header, &rgb, table)
+    let bytes = jpeg(header, &rgb, table, JPEG_QUALITY)?;
+    if bytes.len() > most { jpeg(header, &rgb, table, LOW_QUALITY) } else { Some(bytes) }
 }
 
 /// Table of display values by half float, for tone maps that treat channels independently. It is
@@ -117,7 +137,12 @@ fn to_byte(value: f32) -> u8 {
 
 /// A JPEG of linear RGB values (three per pixel), after its header. `None` for sizes that JPEG does
 /// not support.
-pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Vec<u8>> {
+pub fn jpeg(
+    header: FrameHeader,
+    rgb: &[f32],
+    table: &DisplayTable,
+    quality: u8,
+) -> Option<Vec<u8>> {
     let [width, height] = header.size;
     let row = width as usize * 3;
     let mut bytes = vec![0; rgb.len()];
@@ -130,22 +155,9 @@ pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Ve
     );
     let mut out = header.to_bytes().to_vec();
     let (width, height) = (u16::try_from(width).ok()?, u16::try_from(height).ok()?);
-    let encoder = jpeg_encoder::Encoder::new(&mut out, JPEG_QUALITY);
+    let encoder = jpeg_encoder::Encoder::new(&mut out, quality);
     encoder.encode(&bytes, width, height, jpeg_encoder::ColorType::Rgb).ok()?;
     Some(out)
-}
-
-/// Encodes linear RGB values as half floats, after the header.
-pub fn half_floats(header: FrameHeader, rgb: &[f32]) -> Vec<u8> {
-    let mut halves = vec![f16::ZERO; rgb.len()];
-    halves
-        .par_chunks_mut(1 << 15)
-        .zip(rgb.par_chunks(1 << 15))
-        .for_each(|(to, from)| to.convert_from_f32_slice(from));
-    let mut out = Vec::with_capacity(FrameHeader::SIZE + rgb.len() * 2);
-    out.extend_from_slice(&header.to_bytes());
-    out.extend(halves.iter().flat_map(|h| h.to_le_bytes()));
-    out
 }
 
 #[cfg(test)]
@@ -163,6 +175,7 @@ mod tests {
             wanted: 5,
             milliseconds: 6.0,
             noise: 0.5,
+            denoised: 0.0,
         }
     }
 
@@ -177,22 +190,26 @@ mod tests {
     }
 
     #[test]
-    fn half_floats_follow_the_header() {
-        let bytes = half_floats(header([1, 1]), &[0.5, 1.0, 1e9]);
-        assert_eq!(bytes.len(), FrameHeader::SIZE + 6);
-        assert_eq!(bytes[4..8], 1_u32.to_le_bytes());
-        let values: Vec<f32> = bytes[FrameHeader::SIZE..]
-            .chunks(2)
-            .map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32())
-            .collect();
-        assert_eq!(values, [0.5, 1.0, f32::INFINITY]);
+    fn a_picture_follows_its_header_and_slow_lines_get_smaller_ones() {
+        let (size, rgb) = ([64, 64], (0..64 * 64 * 3).map(|i| (i % 7) as f32 / 7.0).collect());
+        let picture = |display| Picture { header: header(size), rgb: Vec::clone(&rgb), display };
+        let mut table = DisplayTable::new(Display::default());
+        let mut bytes = |display, most| {
+            let bytes = bytes_of(picture(display), &mut table, most).expect("a small picture");
+            assert_eq!(bytes[4..8], 1_u32.to_le_bytes());
+            bytes.len()
+        };
+        assert!((FrameHeader::SIZE..bytes(None, usize::MAX)).contains(&bytes(None, 1)));
+        let moving = Some(Display::default());
+        assert!(bytes(moving, 1) < bytes(moving, usize::MAX));
     }
 
     #[test]
     fn a_jpeg_is_a_jpeg_and_sizes_beyond_its_limit_are_refused() {
         let table = DisplayTable::new(Display::default());
-        let bytes = jpeg(header([2, 2]), &[0.5; 12], &table).expect("a small picture");
+        let bytes =
+            jpeg(header([2, 2]), &[0.5; 12], &table, JPEG_QUALITY).expect("a small picture");
         assert_eq!(bytes[FrameHeader::SIZE..][..2], [0xff, 0xd8]);
-        assert!(jpeg(header([70_000, 1]), &[0.5; 210_000], &table).is_none());
+        assert!(jpeg(header([70_000, 1]), &[0.5; 210_000], &table, 50).is_none());
     }
 }

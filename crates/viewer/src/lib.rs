@@ -6,41 +6,66 @@
 
 #![forbid(unsafe_code)]
 
+mod animation;
 mod budget;
+mod command;
+mod compare;
 mod connections;
 mod cost;
 mod denoise;
 mod describe;
+mod dropped;
+mod edges;
+mod edits;
 mod encode;
 pub mod explain;
+mod face;
 mod forms;
+mod gallery;
+mod halves;
+mod history;
+mod learned;
+mod light;
 mod memory;
+mod opening;
 mod pace;
 mod page;
 mod peer;
 mod pick;
+mod pictures;
 mod preview;
 pub mod protocol;
+mod rest;
 mod routes;
 mod security;
+mod selection;
 mod server;
 mod session;
 mod size;
 mod socket;
 mod state;
+mod subject;
+mod surfaces;
+mod swatch;
 mod temporal;
-mod thumbnail;
 mod upload;
+mod viewpoint;
+mod words;
 mod worker;
+mod writer;
 
+pub use animation::{Animated, Prepare};
+pub use dropped::{Dropped, read_dropped};
 pub use server::{Server, ServerOptions, serve};
+pub use writer::{Finished, PlainWriter, Writer};
 
 use snell_formats::image::Display;
-use snell_formats::input::CONFINED;
-use snell_formats::{ReadOptions, read_scene_bytes};
 use snell_render::{Request, Settings};
 use snell_scene::{Camera, Scene};
-use std::path::Path;
+use std::sync::Arc;
+
+/// Makes a camera for a picture of this size in pixels.
+pub type CameraForSize = Arc<dyn Fn([u32; 2]) -> Option<Camera> + Send + Sync>;
 
 /// A scene that is ready to be viewed.
 pub struct Opened {
@@ -50,15 +75,22 @@ pub struct Opened {
     pub camera: Camera,
     /// Number of the initial camera among the scene's cameras.
     pub camera_number: usize,
-    /// True if the camera was made to frame the whole scene at this aspect ratio. At another aspect
-    /// ratio, `snell render` makes another camera.
-    pub is_camera_made: bool,
+    /// The camera that `snell render` makes for a picture of another size, in pixels; `None` if the
+    /// camera is the file's.
+    pub camera_for_size: Option<CameraForSize>,
     /// The settings that the user asked for.
     pub request: Request,
     /// The settings of the picture at rest, which follow from `request`.
     pub settings: Settings,
-    /// The display settings.
+    /// The display settings of a picture of light.
     pub display: Display,
+    /// True if the user asked for display values with or without the curve of sRGB. Otherwise
+    /// layers are shown without.
+    pub is_encoding_given: bool,
+    /// Writes the picture at rest as a file.
+    pub writer: Arc<dyn Writer>,
+    /// Prepares the scene for its motion, if it has any.
+    pub animate: Option<Arc<Prepare>>,
     /// The words of a command that renders the same picture, without size, samples, integrator,
     /// camera and changes of the scene.
     pub command: Vec<String>,
@@ -71,13 +103,8 @@ pub enum Which {
     Given,
     /// A built-in scene.
     Builtin(String),
-    /// A file that was dropped on the page.
-    Dropped {
-        /// The name of the file.
-        name: String,
-        /// The contents of the file.
-        bytes: Vec<u8>,
-    },
+    /// Files that were dropped on the page, for [`read_dropped`].
+    Dropped(Vec<Dropped>),
 }
 
 /// A source of scenes.
@@ -85,24 +112,6 @@ pub trait Source: Send + Sync {
     /// Opens a scene; the error is a message for the user.
     fn open(&self, which: Which) -> Result<Opened, String>;
 }
-
-/// Reads a file that was dropped on the page. The file cannot name other files, whatever the
-/// options allow, because its sender may not be the user who set them.
-pub fn read_dropped(name: &str, bytes: Vec<u8>, options: &ReadOptions) -> Result<Scene, String> {
-    // A folder that cannot exist, because its parent is not a folder.
-    let nowhere = Path::new(if cfg!(windows) { "NUL\\dropped" } else { "/dev/null/dropped" });
-    let confined = ReadOptions { confine: true, ..options.clone() };
-    let told = |message: String| message.replace(CONFINED, DROPPED);
-    let mut scene = read_scene_bytes(name, bytes, nowhere, &confined)
-        .map_err(|error| told(error.to_string()))?;
-    for warning in &mut scene.warnings {
-        warning.message = told(std::mem::take(&mut warning.message));
-    }
-    Ok(scene)
-}
-
-/// The remedy for a dropped file that names others.
-const DROPPED: &str = "a dropped file can name no others: open it with `snell view FILE`";
 
 /// The element of this name. The error is a message for the user.
 fn by_name<T: Copy>(
@@ -115,48 +124,4 @@ fn by_name<T: Copy>(
     known.ok_or_else(|| {
         format!("there is no {what} {:?}", name.chars().take(80).collect::<String>())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_dropped_file_names_no_other_file_whatever_is_allowed() {
-        let options = ReadOptions::default();
-        for name in ["/etc/passwd", "../../../../../../etc/passwd", "passwd", "./a/../../passwd"] {
-            for (file, text) in [
-                ("a.obj", format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
-                (
-                    "b.pbrt",
-                    format!(
-                        "WorldBegin\nTexture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \
-                            \"{name}\"\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n"
-                    ),
-                ),
-                ("a.pbrt", format!("WorldBegin\nInclude \"{name}\"\n")),
-                (
-                    "a.xml",
-                    format!("<scene version=\"3.0.0\"><include filename=\"{name}\"/></scene>"),
-                ),
-            ] {
-                let read = read_dropped(file, text.into_bytes(), &options);
-                let said = match &read {
-                    Ok(scene) => scene
-                        .warnings
-                        .iter()
-                        .map(|w| w.message.clone())
-                        .collect::<Vec<_>>()
-                        .join("\n"),
-                    Err(message) => message.clone(),
-                };
-                // Such a file is not opened, and the error does not reveal whether it could be.
-                assert!(
-                    said.contains("passwd") && !said.contains("root:"),
-                    "{file} {name}: {said}"
-                );
-                assert!(!said.contains("--confine"), "{file} {name}: {said}");
-            }
-        }
-    }
 }

@@ -1,5 +1,6 @@
 //! Checks that there is memory for the picture at rest, before it is begun.
 
+use crate::rest::is_denoised;
 use snell_formats::memory::Available;
 use snell_render::Settings;
 use snell_render::memory::{Estimate, Uses, of_picture};
@@ -7,11 +8,15 @@ use snell_render::memory::{Estimate, Uses, of_picture};
 /// Bytes per pixel in addition to film and picture: the shown linear colours and the previous ones,
 /// the frame in transit, and temporary data. The value was measured.
 const BESIDE: u64 = 2 * 12 + 12 + 24;
+/// The same for the denoised picture: points, light and colours, the data of the filter, and those
+/// of Open Image Denoise.
+const DENOISED: u64 = 64 + 3 * 16 + 2 * 12 + 100 + 100;
 
 /// The memory that the picture at rest takes, without its scene.
 pub fn estimate(settings: &Settings) -> Estimate {
     let threads = rayon::current_num_threads();
-    of_picture(settings, &Uses { threads, variance: true, denoise: false, beside: BESIDE })
+    let beside = BESIDE + if is_denoised(settings.size) { DENOISED } else { 0 };
+    of_picture(settings, &Uses { threads, variance: true, denoise: false, beside })
 }
 
 /// Fails if there is too little memory for a picture with these settings; the message gives what

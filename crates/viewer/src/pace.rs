@@ -4,15 +4,27 @@ use crate::session::lock;
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-/// The newest picture that the fastest page has shown.
-#[derive(Debug, Default)]
+/// The newest picture that the fastest page has shown, and the speed of its line.
+#[derive(Debug)]
 pub struct Pace {
     shown: Mutex<u32>,
     changed: Condvar,
+    /// Bytes per second.
+    line: Mutex<f64>,
 }
 
+impl Default for Pace {
+    fn default() -> Self {
+        // Lines are fast until one is not.
+        Self { shown: Mutex::default(), changed: Condvar::default(), line: Mutex::new(1e9) }
+    }
+}
+
+/// The share of a new measurement in the speed of a line that seems to become slower.
+const SLOWING: f64 = 0.3;
+
 /// True if picture `a` precedes picture `b`. Their numbers wrap around.
-pub fn is_before(a: u32, b: u32) -> bool {
+fn is_before(a: u32, b: u32) -> bool {
     a.wrapping_sub(b).cast_signed() < 0
 }
 
@@ -24,6 +36,19 @@ impl Pace {
             *shown = number;
             self.changed.notify_all();
         }
+    }
+
+    /// Records that a page got so many bytes in this time.
+    pub fn measure(&self, bytes: usize, time: Duration) {
+        let now = bytes as f64 / time.as_secs_f64().max(1e-6);
+        let mut line = lock(&self.line);
+        let share = if now < *line { SLOWING } else { 1.0 };
+        *line += (now - *line) * share;
+    }
+
+    /// The number of bytes that the fastest page gets in so many seconds.
+    pub fn bytes_within(&self, seconds: f64) -> usize {
+        (*lock(&self.line) * seconds) as usize
     }
 
     /// Waits until a page shows this picture or a later one, for at most `most`.
@@ -57,6 +82,17 @@ mod tests {
             scope.spawn(|| pace.wait_for(8, LONG));
             pace.show(8);
         });
+    }
+
+    #[test]
+    fn a_line_is_as_fast_as_its_fastest_page() {
+        let pace = Pace::default();
+        for _ in 0..100 {
+            pace.measure(10_000, Duration::from_millis(100));
+        }
+        assert!((9_900..11_000).contains(&pace.bytes_within(0.1)));
+        pace.measure(10_000, Duration::from_millis(10));
+        assert!((99_000..101_000).contains(&pace.bytes_within(0.1)));
     }
 
     #[test]

@@ -1,23 +1,29 @@
 //! The HTTP requests. Every path begins with the token; [`crate::security`] has the access rules.
 
+use crate::compare::{self, Against};
 use crate::connections::Visitor;
 use crate::peer::is_same_user;
 use crate::security::{Guard, ONCE};
-use crate::session::{Session, lock};
+use crate::session::Session;
 use crate::socket::{MAX_PAGES, socket};
-use crate::upload::receive;
-use crate::{Which, page};
+use crate::upload::{files, receive};
+use crate::{Dropped, Which, edges as feature_edges, gallery, page};
 use axum::extract::{Path, Query, Request, State};
 use axum::http::{HeaderName, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
-use axum::response::{IntoResponse, Response};
+use axum::response::{AppendHeaders, IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Extension, Router};
-use snell_formats::image::{Display, WriteOptions, encode_image_as};
-use snell_scene::LayeredImage;
 use std::collections::HashMap;
+use std::str::FromStr;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 use tokio::sync::Semaphore;
+
+/// Time that a request to save waits for the picture at rest.
+const SAVE_PATIENCE: Duration = Duration::from_secs(60);
+/// Time between two looks whether the picture at rest is there.
+const SAVE_POLL: Duration = Duration::from_millis(50);
 
 /// State shared by all requests.
 #[derive(Clone)]
@@ -50,9 +56,16 @@ pub fn router(shared: Shared) -> Router {
         .route("/{token}/{file}", get(serve_page))
         .route("/{token}/ws", get(socket))
         .route("/{token}/save", get(save))
+        .route("/{token}/scene", get(save_scene))
         .route("/{token}/cost", get(cost))
         .route("/{token}/thumbnail", get(thumbnail))
+        .route("/{token}/texture", get(texture))
         .route("/{token}/open", post(open))
+        .route("/{token}/reference", post(reference))
+        .route("/{token}/difference", post(difference))
+        .route("/{token}/layer", get(layer))
+        .route("/{token}/edges", get(edges))
+        .route("/{token}/picture", post(add_picture))
         .fallback(|| async { refused() })
         .layer(middleware::from_fn_with_state(shared.clone(), check))
         .with_state(shared)
@@ -131,24 +144,27 @@ async fn serve_page(Path(parts): Path<HashMap<String, String>>) -> Response {
     }
 }
 
-/// The picture at rest as a file: `?format=png`, `exr` or any other writable format.
+/// The picture at rest as a file: `?format=png`, `exr` or any other writable format. It is the one
+/// of the current state: until that rests, the answer waits.
 async fn save(
     State(shared): State<Shared>,
     Query(query): Query<HashMap<String, String>>,
 ) -> Response {
-    let format = query.get("format").cloned().unwrap_or_else(|| "png".into());
-    let Some(finished) = lock(&shared.session.finished).clone() else {
-        return (StatusCode::CONFLICT, "there is no picture yet; wait until the view rests\n")
-            .into_response();
-    };
-    let display = shared.session.now().display;
-    let name = finished.name.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+    let format = query.get("format").map_or("png", String::as_str).to_lowercase();
     let Ok(_turn) = shared.saving.acquire().await else { return refused() };
-    let encoded =
-        tokio::task::spawn_blocking(move || encode(&finished.picture, &format, display)).await;
-    match encoded {
-        Ok(Ok((bytes, extension))) => {
-            let place = format!("attachment; filename=\"{name}.{extension}\"");
+    let started = Instant::now();
+    let written = loop {
+        let (session, format) = (shared.session.clone(), format.clone());
+        match tokio::task::spawn_blocking(move || session.save(&format)).await {
+            Ok(None) if started.elapsed() < SAVE_PATIENCE => tokio::time::sleep(SAVE_POLL).await,
+            written => break written,
+        }
+    };
+    match written {
+        Ok(Some(Ok((bytes, scene)))) => {
+            let name = scene.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+            // A known format is a plain word, so it is safe in the name of a file.
+            let place = format!("attachment; filename=\"{name}.{format}\"");
             (
                 [
                     (header::CONTENT_TYPE, "application/octet-stream".to_string()),
@@ -158,21 +174,38 @@ async fn save(
             )
                 .into_response()
         }
-        Ok(Err(message)) => (StatusCode::BAD_REQUEST, message + "\n").into_response(),
+        Ok(Some(Err(message))) => (StatusCode::BAD_REQUEST, message + "\n").into_response(),
+        Ok(None) => {
+            let text = "the picture shown is not ready to be saved; save it when the view rests\n";
+            (StatusCode::CONFLICT, text).into_response()
+        }
         Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "the picture could not be written\n")
             .into_response(),
     }
 }
 
-fn encode(
-    picture: &LayeredImage,
-    format: &str,
-    display: Display,
-) -> Result<(Vec<u8>, String), String> {
-    let options = WriteOptions { display, ..WriteOptions::default() };
-    let bytes = encode_image_as(format, picture, &options).map_err(|e| e.to_string())?;
-    // A known format is a plain word, so it is safe in the name of a file.
-    Ok((bytes, format.to_lowercase()))
+/// The scene with all changes, and the present camera first: `?format=snell` or `glb`. What the
+/// format leaves out is a header of the answer.
+async fn save_scene(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+) -> Response {
+    let format = query.get("format").cloned().unwrap_or_else(|| "snell".into());
+    let Ok(_turn) = shared.saving.acquire().await else { return refused() };
+    let session = shared.session;
+    match tokio::task::spawn_blocking(move || session.scene_file(&format)).await {
+        Ok(Ok((bytes, losses))) => {
+            let kind = [(header::CONTENT_TYPE, "application/octet-stream".to_string())];
+            // Headers are ASCII.
+            let plain = |c: char| if c.is_ascii() && !c.is_ascii_control() { c } else { '?' };
+            let losses = [("snell-losses", losses.join("; ").chars().map(plain).collect())];
+            (kind, AppendHeaders::<[(&str, String); 1]>(losses), bytes).into_response()
+        }
+        Ok(Err(message)) => (StatusCode::BAD_REQUEST, message + "\n").into_response(),
+        Err(_) => {
+            (StatusCode::INTERNAL_SERVER_ERROR, "the scene could not be written\n").into_response()
+        }
+    }
 }
 
 /// The cost of each pixel in a structure: `?structure=kdtree&width=320`.
@@ -196,15 +229,22 @@ async fn cost(
 }
 
 /// A small picture of a built-in scene: `?scene=teapot`.
-async fn thumbnail(
+async fn thumbnail(Query(query): Query<HashMap<String, String>>) -> Response {
+    match gallery::picture(query.get("scene").map_or("", String::as_str)) {
+        Some(bytes) => ([(header::CONTENT_TYPE, "image/jpeg")], bytes).into_response(),
+        None => (StatusCode::NOT_FOUND, "there is no such picture\n").into_response(),
+    }
+}
+
+/// A small picture of a texture of the scene: `?i=3`.
+async fn texture(
     State(shared): State<Shared>,
     Query(query): Query<HashMap<String, String>>,
 ) -> Response {
-    let name = query.get("scene").cloned().unwrap_or_default();
+    let number = query.get("i").and_then(|i| i.parse().ok()).unwrap_or(u32::MAX);
     let session = shared.session;
-    let Ok(_turn) = shared.saving.acquire().await else { return refused() };
-    match tokio::task::spawn_blocking(move || session.thumbnail(&name)).await {
-        Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "image/png")], bytes.to_vec()).into_response(),
+    match tokio::task::spawn_blocking(move || session.swatch(number)).await {
+        Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "image/png")], bytes).into_response(),
         Ok(Err(message)) => (StatusCode::NOT_FOUND, message + "\n").into_response(),
         Err(_) => {
             (StatusCode::INTERNAL_SERVER_ERROR, "a fault; please report it\n").into_response()
@@ -212,29 +252,65 @@ async fn thumbnail(
     }
 }
 
-/// A file dropped on the page, or a built-in scene by name.
+/// Keeps a picture for edits, `?name=wood.png`; the answer is its name in them.
+async fn add_picture(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+    request: Request,
+) -> Response {
+    let Ok(_turn) = shared.receiving.try_acquire() else {
+        return closing(StatusCode::SERVICE_UNAVAILABLE, "another file is being read; try again\n");
+    };
+    let Some(name) = query.get("name").cloned() else {
+        return closing(StatusCode::BAD_REQUEST, "name the picture: ?name=wood.png\n");
+    };
+    let (head, body) = request.into_parts();
+    let bytes = match receive(&head.headers, body).await {
+        Ok(bytes) => bytes,
+        Err((status, text)) => return closing(status, text),
+    };
+    let session = shared.session.clone();
+    match tokio::task::spawn_blocking(move || session.add_picture(&name, bytes)).await {
+        Ok(Ok(name)) => name.into_response(),
+        Ok(Err(message)) => (StatusCode::UNPROCESSABLE_ENTITY, message + "\n").into_response(),
+        Err(_) => {
+            (StatusCode::INTERNAL_SERVER_ERROR, "a fault; please report the file\n").into_response()
+        }
+    }
+}
+
+/// Files dropped on the page, or a built-in scene by name: `?builtin=teapot`, one file as
+/// `?name=scene.glb`, or several as `?files`.
 async fn open(
     State(shared): State<Shared>,
     Query(query): Query<HashMap<String, String>>,
     request: Request,
 ) -> Response {
+    let client = query.get("client").and_then(|client| client.parse().ok()).unwrap_or(0);
+    if let Err(message) = shared.session.check_steers(client) {
+        return closing(StatusCode::CONFLICT, message + "\n");
+    }
     let Ok(_turn) = shared.receiving.try_acquire() else {
         return closing(
             StatusCode::SERVICE_UNAVAILABLE,
             "another scene is being opened; try again\n",
         );
     };
-    let which = match (query.get("builtin"), query.get("name")) {
-        (Some(name), _) => Which::Builtin(name.clone()),
-        (None, Some(name)) => {
-            let (head, body) = request.into_parts();
-            match receive(&head.headers, body).await {
-                Ok(bytes) => Which::Dropped { name: name.clone(), bytes },
-                Err((status, text)) => return closing(status, text),
-            }
-        }
-        (None, None) => {
+    let which = if let Some(name) = query.get("builtin") {
+        Which::Builtin(name.clone())
+    } else {
+        let name = query.get("name").cloned();
+        if name.is_none() && !query.contains_key("files") {
             return closing(StatusCode::BAD_REQUEST, "name the file: ?name=scene.glb\n");
+        }
+        let (head, body) = request.into_parts();
+        let received = receive(&head.headers, body).await.and_then(|bytes| match name {
+            Some(name) => Ok(vec![Dropped { name, bytes }]),
+            None => files(&bytes),
+        });
+        match received {
+            Ok(files) => Which::Dropped(files),
+            Err((status, text)) => return closing(status, text),
         }
     };
     let session = shared.session.clone();
@@ -246,4 +322,95 @@ async fn open(
                 .into_response()
         }
     }
+}
+
+/// Bytes from work that may take long, no content while they are still to come, or a message.
+async fn computed<T: Into<Option<Vec<u8>>> + Send + 'static>(
+    work: impl FnOnce() -> Result<T, String> + Send + 'static,
+) -> Response {
+    match tokio::task::spawn_blocking(work).await {
+        Ok(Ok(bytes)) => match bytes.into() {
+            Some(bytes) => {
+                ([(header::CONTENT_TYPE, "application/octet-stream")], bytes).into_response()
+            }
+            None => StatusCode::NO_CONTENT.into_response(),
+        },
+        Ok(Err(message)) => (StatusCode::UNPROCESSABLE_ENTITY, message + "\n").into_response(),
+        Err(_) => {
+            (StatusCode::INTERNAL_SERVER_ERROR, "a fault; please report it\n").into_response()
+        }
+    }
+}
+
+/// A number in the query; 0 if there is none.
+fn number<T: FromStr + Default>(query: &HashMap<String, String>, name: &str) -> T {
+    query.get(name).and_then(|text| text.parse().ok()).unwrap_or_default()
+}
+
+/// The body of a request, received while no other one is.
+async fn received(shared: &Shared, request: Request) -> Result<Vec<u8>, Response> {
+    let Ok(_turn) = shared.receiving.acquire().await else { return Err(refused()) };
+    let (head, body) = request.into_parts();
+    receive(&head.headers, body).await.map_err(|(status, text)| closing(status, text))
+}
+
+/// Decodes a picture to compare with: `?name=reference.exr`, and the file as the body.
+async fn reference(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+    request: Request,
+) -> Response {
+    let name = query.get("name").cloned().unwrap_or_else(|| "the picture".into());
+    match received(&shared, request).await {
+        Ok(bytes) => {
+            let Ok(_turn) = shared.saving.acquire().await else { return refused() };
+            computed(move || compare::reference(&name, bytes)).await
+        }
+        Err(refusal) => refusal,
+    }
+}
+
+/// Compares the picture at rest with linear values in the body:
+/// `?width=320&height=200&exposure=0&tonemap=none`.
+async fn difference(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+    request: Request,
+) -> Response {
+    let halves = match received(&shared, request).await {
+        Ok(halves) => halves,
+        Err(refusal) => return refusal,
+    };
+    let against = Against {
+        size: [number(&query, "width"), number(&query, "height")],
+        halves,
+        exposure: number(&query, "exposure"),
+        tonemap: query.get("tonemap").cloned().unwrap_or_else(|| "none".into()),
+    };
+    let Ok(_turn) = shared.saving.acquire().await else { return refused() };
+    let session = shared.session.clone();
+    computed(move || compare::difference(&session, &against)).await
+}
+
+/// The exact values of a layer of the picture at rest: `?name=depth`.
+async fn layer(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+) -> Response {
+    let name = query.get("name").cloned().unwrap_or_default();
+    let Ok(_turn) = shared.saving.acquire().await else { return refused() };
+    let session = shared.session.clone();
+    computed(move || compare::layer(&session, &name)).await
+}
+
+/// The edges that a camera sees: `?camera=JSON&width=320&height=200`.
+async fn edges(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+) -> Response {
+    let camera = query.get("camera").cloned().unwrap_or_default();
+    let size = [number(&query, "width"), number(&query, "height")];
+    let Ok(_turn) = shared.saving.acquire().await else { return refused() };
+    let session = shared.session.clone();
+    computed(move || feature_edges::edges(&session, &camera, size)).await
 }

@@ -1,12 +1,12 @@
 //! A running server: its threads, and how it starts and stops.
 
+use crate::Source;
 use crate::connections::accept;
 use crate::protocol::ToPage;
 use crate::routes::{Shared, router};
 use crate::security::{Guard, ONCE};
 use crate::session::Session;
 use crate::worker::Worker;
-use crate::{Source, Which};
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -48,7 +48,7 @@ pub struct Server {
 impl Server {
     /// Reloads the scene, because its files have changed.
     pub fn reload(&self) {
-        if let Err(message) = self.session.open(Which::Given) {
+        if let Err(message) = self.session.reload() {
             self.session.tell(ToPage::Error { message });
         }
     }

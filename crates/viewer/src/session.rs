@@ -3,20 +3,30 @@
 //! Pages change the state; the worker (see [`crate::worker`]) notices the new version and renders.
 //! Nothing here waits for a picture.
 
+use crate::animation::motion_info;
 use crate::describe::scene_info;
+use crate::dropped::{OTHERS, check_name};
 use crate::explain::{self, Question, Report, Structure, Subject};
 use crate::pace::Pace;
-use crate::protocol::{Choices, SceneChoice, SceneInfo, ToPage, ToServer, ViewInfo};
+use crate::protocol::{
+    Choices, Mask, Placement, SceneChoice, SceneInfo, ToPage, ToServer, ViewInfo,
+};
 use crate::state::{Change, State};
-use crate::{Source, Which, by_name, cost, thumbnail};
+use crate::upload::MAX_BYTES;
+use crate::words::for_page;
+use crate::{Finished, Source, Which, by_name, cost, selection, swatch};
 use axum::body::Bytes;
+use snell_formats::image::read_environment;
 use snell_formats::image::{Display, Tonemap};
+use snell_formats::{Input, ReadOptions, write_scene_as};
 use snell_intersect::AcceleratorKind;
+use snell_persist::Checkpoint;
 use snell_render::{Aov, CompiledScene, IntegratorKind, Settings};
 use snell_scene::builtin::BUILTINS;
-use snell_scene::{Camera, LayeredImage, Scene};
-use std::collections::BTreeMap;
+use snell_scene::{Camera, NodeId, Scene};
+use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -24,6 +34,8 @@ use tokio::sync::{Semaphore, broadcast, watch};
 
 /// Time without motion before the picture is refined.
 pub const REST: Duration = Duration::from_millis(150);
+/// The refusal of a page's request while another page has control.
+const ANOTHER_STEERS: &str = "another page steers; take over first";
 /// With at most this many triangles, all structures are built without being requested.
 const FEW_TRIANGLES: u64 = 300_000;
 
@@ -32,6 +44,8 @@ const FEW_TRIANGLES: u64 = 300_000;
 pub struct Frame {
     /// Number of the frame.
     pub number: u32,
+    /// True if something moves: the next one will take its place.
+    pub is_moving: bool,
     /// The header and the encoded picture.
     pub bytes: Bytes,
 }
@@ -45,6 +59,8 @@ struct Viewing {
     watching: u32,
     /// Number of the page that has control; 0 if none has.
     steering: u32,
+    /// The sizes that pages have last asked for.
+    sizes: BTreeMap<u32, [u32; 2]>,
     is_stopped: bool,
     /// True until a scene is chosen, if none was named.
     is_gallery: bool,
@@ -59,6 +75,12 @@ pub struct Snapshot {
     pub generation: u32,
     /// Generation of the scene's geometry.
     pub geometry: u32,
+    /// Generation of the places of its parts.
+    pub placement: u32,
+    /// Generation of what shines.
+    pub light: u32,
+    /// The parts that move.
+    pub moving: Arc<BTreeSet<NodeId>>,
     /// The scene.
     pub scene: Arc<Scene>,
     /// The camera.
@@ -71,15 +93,6 @@ pub struct Snapshot {
     pub display: Display,
     /// Time of the last change.
     pub moved: Instant,
-}
-
-/// The current picture at rest, to be saved.
-#[derive(Clone)]
-pub struct Finished {
-    /// Name of the scene.
-    pub name: String,
-    /// The layers of the picture.
-    pub picture: Arc<LayeredImage>,
 }
 
 /// A scene being viewed.
@@ -102,12 +115,10 @@ pub struct Session {
     pub events: broadcast::Sender<ToPage>,
     /// The newest compiled scene.
     pub compiled: Mutex<Option<(u32, Arc<CompiledScene>)>>,
-    /// The newest picture at rest.
-    pub finished: Mutex<Option<Finished>>,
+    /// The newest picture at rest, and the version that it shows.
+    pub finished: Mutex<Option<(u64, Arc<Finished>)>>,
     /// The scene of one generation, compiled with other acceleration structures for explanations.
     structures: Mutex<(u32, Vec<Structure>)>,
-    /// Pictures of built-in scenes made so far.
-    thumbnails: Mutex<BTreeMap<String, Arc<Vec<u8>>>>,
 }
 
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -119,8 +130,15 @@ impl Session {
     pub fn new(source: Box<dyn Source>, is_gallery: bool) -> Result<Self, String> {
         let opened = source.open(Which::Given)?;
         let state = State::new(opened)?;
-        let viewing =
-            Viewing { state, shown: None, watching: 0, steering: 0, is_stopped: false, is_gallery };
+        let viewing = Viewing {
+            state,
+            shown: None,
+            watching: 0,
+            steering: 0,
+            sizes: BTreeMap::new(),
+            is_stopped: false,
+            is_gallery,
+        };
         Ok(Self {
             source,
             viewing: Mutex::new(viewing),
@@ -135,7 +153,6 @@ impl Session {
             compiled: Mutex::new(None),
             finished: Mutex::new(None),
             structures: Mutex::new((0, Vec::new())),
-            thumbnails: Mutex::new(BTreeMap::new()),
         })
     }
 
@@ -169,16 +186,36 @@ impl Session {
         }
     }
 
+    /// The file that keeps the picture at rest of a snapshot; `None` if none is kept, or if the
+    /// state has changed since.
+    pub fn checkpoint(&self, snapshot: &Snapshot) -> Option<Checkpoint> {
+        let (writer, words) = {
+            let state = &lock(&self.viewing).state;
+            (self.version() == snapshot.version)
+                .then(|| (state.opened.writer.clone(), state.command_words()))?
+        };
+        match writer.checkpoint(&words, &snapshot.settings)? {
+            Ok(checkpoint) => Some(checkpoint),
+            Err(message) => {
+                self.tell(ToPage::Error { message });
+                None
+            }
+        }
+    }
+
     fn snapshot(&self, state: &State) -> Snapshot {
         Snapshot {
             version: self.version(),
             generation: state.generation,
             geometry: state.geometry,
+            placement: state.placement,
+            light: state.light,
+            moving: state.moving.clone(),
             scene: state.scene.clone(),
             camera: state.camera.clone(),
             seq: state.seq,
             settings: state.settings.clone(),
-            display: state.display,
+            display: state.shown_as(),
             moved: state.moved,
         }
     }
@@ -226,7 +263,7 @@ impl Session {
     fn all_of(&self, viewing: &Viewing) -> Vec<ToPage> {
         let Viewing { state, steering, watching, .. } = viewing;
         vec![
-            ToPage::Scene { scene: self.scene_info(state) },
+            ToPage::Scene { scene: Box::new(self.scene_info(state)) },
             ToPage::View { view: self.view_info(state) },
             ToPage::Steering { client: *steering, watching: *watching },
         ]
@@ -236,6 +273,7 @@ impl Session {
     pub fn leave(&self, client: u32) {
         let mut viewing = lock(&self.viewing);
         viewing.watching = viewing.watching.saturating_sub(1);
+        viewing.sizes.remove(&client);
         if viewing.steering == client {
             viewing.steering = 0;
         }
@@ -252,39 +290,79 @@ impl Session {
     /// that page. Requests that concern only the page's own connection (acknowledgements, picks)
     /// are not handled here.
     pub fn handle(&self, client: u32, message: ToServer) -> Result<(), String> {
+        if matches!(message, ToServer::Reload) {
+            self.check_steers(client)?;
+            let origin = lock(&self.viewing).state.origin.clone();
+            return self.open(origin.map_err(|name| {
+                format!("{name} was dropped on the page: to read it again, drop it again")
+            })?);
+        }
         let mut viewing = lock(&self.viewing);
+        if let ToServer::Size { size } = message {
+            viewing.sizes.insert(client, size);
+        }
         let takes_over = viewing.steering != client
             && (viewing.steering == 0 || matches!(message, ToServer::Steer));
         if viewing.steering != client && !takes_over {
             // A page sends its size when it opens, with or without control.
-            if matches!(message, ToServer::Size { .. } | ToServer::Display { .. }) {
-                return Ok(());
-            }
-            return Err("another page steers; take over first".into());
+            let is_size = matches!(message, ToServer::Size { .. });
+            return if is_size { Ok(()) } else { Err(ANOTHER_STEERS.into()) };
         }
-        let is_reload = matches!(message, ToServer::Reload);
-        let (state, change) = viewing.state.after(message)?;
+        let (mut state, mut change) = viewing.state.after(message)?;
+        // The picture takes the size of the page that takes over. A size that does not fit now is
+        // told when the page asks for it again.
+        let size = viewing.sizes.get(&client).copied().filter(|_| takes_over);
+        if let Some(Ok((sized, Change::Picture))) =
+            size.map(|size| state.after(ToServer::Size { size }))
+        {
+            (state, change) = (sized, Change::Picture);
+        }
         viewing.state = state;
         viewing.steering = client;
+        let is_playing = viewing.state.is_playing;
         match change {
-            Change::Nothing | Change::Display => drop(viewing),
+            Change::Nothing => drop(viewing),
+            Change::Display => {
+                drop(viewing);
+                self.tell_view();
+            }
             // The new camera is sent to the pages only when it rests.
             Change::Camera => self.after_change(viewing),
-            Change::Picture => {
+            Change::Picture | Change::Jump => {
                 self.after_change(viewing);
-                self.tell_view();
+                if !is_playing {
+                    self.tell_view();
+                }
             }
         }
         if takes_over {
             self.tell_steering();
         }
-        if is_reload { self.open(Which::Given) } else { Ok(()) }
+        Ok(())
     }
 
-    /// Opens another scene, or reads the same one again; then the camera stays. Scenes are read one
-    /// at a time.
+    /// Fails if another page than this one has control.
+    pub fn check_steers(&self, client: u32) -> Result<(), String> {
+        let steering = lock(&self.viewing).steering;
+        if steering == 0 || steering == client { Ok(()) } else { Err(ANOTHER_STEERS.into()) }
+    }
+
+    /// Reads the scene again that was named when the viewer was started, if it is the one shown.
+    pub fn reload(&self) -> Result<(), String> {
+        let is_shown = matches!(lock(&self.viewing).state.origin, Ok(Which::Given));
+        if is_shown { self.open(Which::Given) } else { Ok(()) }
+    }
+
+    /// Opens another scene, or reads the one shown again; then the camera stays. Scenes are read
+    /// one at a time. Pages are told what else there was to open, and how to get back changes of
+    /// the scene before.
     pub fn open(&self, which: Which) -> Result<(), String> {
-        let is_same = matches!(which, Which::Given);
+        let origin = match &which {
+            Which::Dropped(files) => {
+                Err(files.first().map_or_else(String::new, |f| f.name.clone()))
+            }
+            other => Ok(other.clone()),
+        };
         let _turn = lock(&self.reading);
         self.tell(ToPage::Busy { message: "reading the scene".into() });
         let opened = catch_unwind(AssertUnwindSafe(|| self.source.open(which)));
@@ -292,10 +370,25 @@ impl Session {
         let opened = opened
             .unwrap_or_else(|_| Err("a fault in the reader; please report the file".into()))?;
         let mut viewing = lock(&self.viewing);
-        viewing.state = viewing.state.reopened(opened, is_same)?;
+        let is_same = match (&viewing.state.origin, &origin) {
+            (Ok(Which::Given), Ok(Which::Given)) => true,
+            (Ok(Which::Builtin(a)), Ok(Which::Builtin(b))) => a == b && !viewing.is_gallery,
+            _ => false,
+        };
+        let others =
+            opened.scene.warnings.iter().map(|w| &w.message).filter(|m| m.contains(OTHERS));
+        let mut notes: Vec<String> = others.cloned().collect();
+        if viewing.state.is_changed() {
+            let name = &viewing.state.scene.name;
+            notes.push(format!("{name} had changes; undo brings them back"));
+        }
+        viewing.state = viewing.state.reopened(opened, origin, is_same)?;
         viewing.is_gallery = false;
         self.after_change(viewing);
         self.tell_view();
+        if !notes.is_empty() {
+            self.tell(ToPage::Notice { message: notes.join("; ") });
+        }
         Ok(())
     }
 
@@ -339,8 +432,13 @@ impl Session {
     /// Stores a newly compiled scene.
     pub fn set_compiled(&self, generation: u32, compiled: &Arc<CompiledScene>) {
         *lock(&self.compiled) = Some((generation, compiled.clone()));
-        let scene = self.scene_info(&lock(&self.viewing).state);
-        self.tell(ToPage::Scene { scene });
+        let viewing = lock(&self.viewing);
+        // The page that plays knows what it asks for.
+        let scene = (!viewing.state.is_playing).then(|| self.scene_info(&viewing.state));
+        drop(viewing);
+        if let Some(scene) = scene {
+            self.tell(ToPage::Scene { scene: Box::new(scene) });
+        }
     }
 
     /// A copy of the current state for a picture.
@@ -376,17 +474,73 @@ impl Session {
         Ok(cost::map(Subject { scene, compiled: &compiled, camera, settings }, width))
     }
 
-    /// A small picture of a built-in scene, as PNG.
-    pub fn thumbnail(&self, name: &str) -> Result<Arc<Vec<u8>>, String> {
-        // Pictures are made one at a time, because they are not urgent.
-        let mut known = lock(&self.thumbnails);
-        if let Some(bytes) = known.get(name) {
-            return Ok(bytes.clone());
+    /// The picture at rest of the current state as a file, and the name of its scene; `None` while
+    /// it is still being made. The error is a message for the user.
+    pub fn save(&self, format: &str) -> Option<Result<(Vec<u8>, String), String>> {
+        let (state, version) = {
+            let viewing = lock(&self.viewing);
+            (viewing.state.clone(), self.version())
+        };
+        let (of, finished) = lock(&self.finished).clone()?;
+        if of != version {
+            return None;
         }
-        let opened = self.source.open(Which::Builtin(name.into()))?;
-        let bytes = Arc::new(thumbnail::png(&opened)?);
-        known.insert(name.into(), bytes.clone());
-        Ok(bytes)
+        let (words, display) = (state.command_words(), state.shown_as());
+        let bytes = state.opened.writer.write(&finished, &words, display, format);
+        Some(bytes.map(|bytes| (bytes, finished.scene.name.clone())))
+    }
+
+    /// Keeps a picture that was dropped on the page, for edits that name it; returns its name.
+    pub fn add_picture(&self, name: &str, bytes: Vec<u8>) -> Result<String, String> {
+        check_name(name)?;
+        let nowhere = Path::new("");
+        let input = Input::from_bytes(name, bytes, nowhere, &ReadOptions::default());
+        let image = read_environment(&input).map_err(|e| for_page(&e.to_string()))?;
+        let pictures = lock(&self.viewing).state.pictures.clone();
+        pictures.add(name, image)
+    }
+
+    /// The scene with all changes as a file of a format, and what the format leaves out. Its first
+    /// camera is the present one.
+    pub fn scene_file(&self, format: &str) -> Result<(Vec<u8>, Vec<String>), String> {
+        if !["snell", "glb"].contains(&format) {
+            return Err("a scene is saved as snell or glb".into());
+        }
+        let now = self.now();
+        let mut scene = (*now.scene).clone();
+        scene.cameras.insert(0, Camera { name: "view".into(), ..now.camera });
+        // What moves is saved as it stands: the numbers of cameras have changed.
+        scene.motion = None;
+        let folder = tempfile::tempdir().map_err(|e| format!("no file can be made: {e}"))?;
+        let path = folder.path().join(format!("scene.{format}"));
+        let written = write_scene_as(&path, &scene, true).map_err(|e| e.to_string())?;
+        let bytes = std::fs::read(&path).map_err(|e| format!("the file cannot be read: {e}"))?;
+        Ok((bytes, written.losses.into_iter().map(|loss| loss.message).collect()))
+    }
+
+    /// A small picture of a texture, as PNG.
+    pub fn swatch(&self, number: u32) -> Result<Vec<u8>, String> {
+        let (snapshot, compiled) = self.prepared()?;
+        swatch::png(&snapshot.scene, &compiled, number)
+    }
+
+    /// Where the thing at a path of nodes stands, which pixels show it, in a mask of this width,
+    /// and the material of one of its surfaces.
+    pub fn select(
+        &self,
+        path: &[u32],
+        width: u32,
+        surface: Option<[u32; 2]>,
+    ) -> (Option<Placement>, Option<Mask>, Option<u32>) {
+        let now = self.now();
+        let place = selection::placement(&now.scene, path);
+        let shown = place.as_ref().filter(|_| width > 0).and_then(|place| {
+            let (snapshot, compiled) = self.prepared().ok()?;
+            let path = path.get(..place.depth as usize)?;
+            Some(selection::mask(&snapshot, &compiled, path, width))
+        });
+        let material = surface.and_then(|surface| selection::material(&now.scene, path, surface));
+        (place, shown, material)
     }
 
     /// The current state and its compiled scene.
@@ -422,18 +576,36 @@ impl Session {
     }
 
     fn scene_info(&self, state: &State) -> SceneInfo {
-        let mut info = scene_info(state.base(), &state.scene, &state.hidden, state.generation);
-        info.history = state.history();
+        let mut info = scene_info(
+            state.base(),
+            &state.scene,
+            &state.extents,
+            &state.hidden,
+            state.generation,
+            state.is_v_down(),
+        );
+        info.isolated = state.isolated();
+        info.motion = motion_info(state.base().motion.as_deref(), state.moment.as_ref());
+        info.motion = info.motion.filter(|_| state.can_move());
+        info.warnings.extend(state.needed_pictures().into_iter().map(|name| {
+            format!(
+                "{name} was dropped here: run the command that is copied in a folder where it is, \
+                    or save the scene"
+            )
+        }));
         if let Some((_, compiled)) = &*lock(&self.compiled) {
             info.triangles = compiled.world.instanced_triangle_count();
+            info.shapes += compiled.world.stats().primitives;
         }
         info
     }
 
     fn view_info(&self, state: &State) -> ViewInfo {
-        let settings = &state.settings;
+        let (settings, display) = (&state.settings, state.shown_as());
         ViewInfo {
             camera: serde_json::to_value(&state.camera).unwrap_or_default(),
+            camera_changes: state.camera_changes,
+            history: state.can(),
             size: settings.size,
             integrator: settings.integrator.name().into(),
             aov: if settings.integrator == IntegratorKind::Aov {
@@ -445,9 +617,9 @@ impl Session {
             max_depth: settings.max_depth,
             accelerator: settings.build.accelerator.name().into(),
             settings: state.set_settings(),
-            exposure: state.display.exposure,
-            tonemap: state.display.tonemap.name().into(),
-            srgb: state.display.srgb,
+            exposure: display.exposure,
+            tonemap: display.tonemap.name().into(),
+            srgb: display.srgb,
             command: state.command(),
         }
     }
@@ -468,7 +640,9 @@ fn choices() -> Choices {
         accelerators: names(&AcceleratorKind::ALL, AcceleratorKind::name),
         scenes: BUILTINS.iter().map(scene_choice).collect(),
         forms: crate::forms::forms(),
+        examples: crate::forms::examples(),
         settings: crate::forms::settings(),
+        max_upload: MAX_BYTES as u64,
     }
 }
 
@@ -478,6 +652,8 @@ mod tests {
     use crate::Opened;
     use crate::size::fits;
     use serde_json::{Value, json};
+    use snell_math::DVec3;
+    use snell_scene::camera::Projection;
 
     struct OneScene;
 
@@ -493,10 +669,13 @@ mod tests {
                 camera: scene.cameras[0].clone(),
                 scene,
                 camera_number: 0,
-                is_camera_made: false,
+                camera_for_size: None,
+                is_encoding_given: false,
+                writer: Arc::new(crate::PlainWriter),
                 request: snell_render::Request::default(),
                 settings,
                 display: Display::default(),
+                animate: None,
                 command: Vec::new(),
             })
         }
@@ -517,7 +696,8 @@ mod tests {
     fn good(session: &Session) -> Vec<Value> {
         let camera = serde_json::to_value(session.now().camera).expect("plain data");
         vec![
-            json!({"type": "camera", "seq": 1, "camera": camera}),
+            json!({"type": "camera", "seq": 1, "camera": camera, "gesture": 1}),
+            json!({"type": "home", "camera": 0, "gesture": 2}),
             json!({"type": "size", "size": [9, 7]}),
             json!({
                 "type": "render", "integrator": "whitted", "spp": 2, "max_depth": 3,
@@ -530,6 +710,13 @@ mod tests {
             json!({"type": "display", "exposure": 1, "tonemap": "aces"}),
             json!({"type": "edit", "key": "light.0.intensity", "value": [1, 1, 1]}),
             json!({"type": "edit", "key": "ambient", "value": [1, 1, 1]}),
+            json!({
+                "type": "edits", "gesture": 1,
+                "edits": [["node.1.transform", [[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0]]]]
+            }),
+            json!({"type": "edits", "edits": [["background", "studio"], ["environment", "sky"]]}),
+            json!({"type": "time", "clip": null, "time": 0.5}),
+            json!({"type": "select", "id": 1, "path": [0], "width": 8}),
             json!({"type": "show", "node": 1, "visible": false}),
             json!({"type": "undo"}),
             json!({"type": "redo"}),
@@ -657,6 +844,67 @@ mod tests {
         let before = facts(&session);
         assert!(session.open(Which::Builtin("panic".into())).is_err_and(|e| e.contains("report")));
         assert_eq!(facts(&session), before);
+    }
+
+    #[test]
+    fn the_camera_follows_the_shape_of_the_page_and_comes_back() {
+        let (session, client) = session();
+        let tangents = |session: &Session| match session.now().camera.projection {
+            Projection::Perspective { tan_half_fov } => tan_half_fov,
+            other => panic!("{other:?}"),
+        };
+        let changes = |session: &Session| lock(&session.viewing).state.camera_changes;
+        let before = changes(&session);
+        session.handle(client, ToServer::Size { size: [39, 70] }).expect("a size");
+        assert!(matches!(tangents(&session), [Some(_), None]), "{:?}", tangents(&session));
+        assert!(changes(&session) > before, "pages are to take it");
+        let first = session.now().camera;
+        // A camera that was moved keeps its place, and its angle follows.
+        let moved = Camera { eye: first.eye + DVec3::X, ..first.clone() };
+        let send = |session: &Session, camera: &Camera, gesture| {
+            let camera = serde_json::to_value(camera).expect("plain data");
+            session.handle(client, ToServer::Camera { seq: 1, camera, gesture }).expect("valid");
+        };
+        send(&session, &moved, 1);
+        session.handle(client, ToServer::Size { size: [90, 40] }).expect("a size");
+        assert!(matches!(tangents(&session), [None, Some(_)]));
+        assert_eq!(session.now().camera.eye, moved.eye);
+        session.handle(client, ToServer::Home { camera: None, gesture: 2 }).expect("home");
+        assert_eq!(session.now().camera.eye, first.eye);
+        assert!(!session.view_info(&lock(&session.viewing).state).command.contains("camera.0.eye"));
+        session.handle(client, ToServer::Undo).expect("a step");
+        assert_eq!(session.now().camera.eye, moved.eye);
+        assert!(session.handle(client, ToServer::Home { camera: Some(7), gesture: 3 }).is_err());
+    }
+
+    #[test]
+    fn who_watches_changes_nothing_and_brings_the_size_along() {
+        let (session, client) = session();
+        let (other, _) = session.join();
+        session.handle(other, ToServer::Size { size: [30, 50] }).expect("it is kept for later");
+        assert_eq!(session.now().settings.size, [8, 6]);
+        let before = facts(&session);
+        for message in
+            [ToServer::Undo, ToServer::Reload, ToServer::Home { camera: None, gesture: 1 }]
+        {
+            assert!(session.handle(other, message).is_err_and(|e| e.contains("take over")));
+        }
+        let shown = ToServer::Display { exposure: 1.0, tonemap: "aces".into() };
+        assert!(session.handle(other, shown).is_err());
+        assert!(session.check_steers(other).is_err() && session.check_steers(client).is_ok());
+        assert_eq!(facts(&session), before);
+        session.handle(other, ToServer::Steer).expect("it may take over");
+        assert_eq!(session.now().settings.size, [30, 50]);
+    }
+
+    #[test]
+    fn the_command_has_exposure_and_tone_map() {
+        let (session, client) = session();
+        let shown = ToServer::Display { exposure: -1.5, tonemap: "aces".into() };
+        session.handle(client, shown).expect("valid");
+        let words = lock(&session.viewing).state.command_words();
+        assert!(words.contains(&"--exposure=-1.5".into()), "{words:?}");
+        assert!(words.windows(2).any(|pair| pair == ["--tonemap", "aces"]), "{words:?}");
     }
 
     #[test]

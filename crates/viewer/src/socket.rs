@@ -2,14 +2,15 @@
 //! them.
 
 use crate::explain::Question;
-use crate::protocol::{ToPage, ToServer};
+use crate::pick;
+use crate::protocol::{PartHeader, ToPage, ToServer};
 use crate::routes::Shared;
 use crate::session::{Frame, Session, lock};
-use crate::{pace, pick};
 use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::{broadcast, watch};
@@ -19,8 +20,15 @@ use tokio::time::{Interval, MissedTickBehavior, interval, timeout};
 pub const MAX_PAGES: usize = 32;
 /// Maximum number of bytes of a message from a page.
 const MAX_MESSAGE: usize = 1 << 20;
-/// Maximum number of pictures in transit to a page: one that is shown, and one on its way.
-const MAX_UNDERWAY: u32 = 2;
+/// Bytes of the first part of a picture that is sent to a page.
+const FIRST_PART: usize = 32 << 10;
+/// Bytes of the smallest and largest part.
+const PARTS: [usize; 2] = [8 << 10, 16 << 20];
+/// Parts become larger below, and smaller above these times until they are acknowledged.
+const ROUND_TRIP: [Duration; 2] = [Duration::from_millis(60), Duration::from_millis(250)];
+/// From this size of parts on, the line is so fast that one part is on its way while another is
+/// shown.
+const FAST: usize = 128 << 10;
 /// A page that takes longer than this for a message is disconnected.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Interval of keep-alive messages.
@@ -73,17 +81,35 @@ async fn talk(mut socket: WebSocket, session: Arc<Session>) {
     let _watching = Watching { session: session.clone(), client };
     let mut beat = interval(BEAT);
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut connection = Connection { underway: 0, newest: None, heard: Instant::now(), beat };
+    let mut connection = Connection {
+        underway: VecDeque::new(),
+        current: None,
+        newest: None,
+        part: FIRST_PART,
+        heard: Instant::now(),
+        beat,
+    };
     let mut is_open = send_all(&mut socket, &welcome).await;
     while is_open {
         is_open = connection.step(&mut socket, &session, client, &mut events, &mut frames).await;
     }
 }
 
+/// A part that was sent and is not acknowledged.
+struct Underway {
+    bytes: usize,
+    sent: Instant,
+    /// Number of the frame, if this is its last part.
+    ends: Option<u32>,
+}
+
 struct Connection {
-    /// Number of pictures sent and not acknowledged.
-    underway: u32,
+    underway: VecDeque<Underway>,
+    /// A picture of which only so many bytes were sent.
+    current: Option<(Arc<Frame>, usize)>,
     newest: Option<u32>,
+    /// Bytes of the next part.
+    part: usize,
     /// Time when the page last sent anything.
     heard: Instant,
     beat: Interval,
@@ -105,6 +131,7 @@ impl Connection {
                 match message {
                     Some(Ok(Message::Text(text))) => {
                         self.received(socket, session, client, &text).await
+                            && self.send_parts(socket, frames).await
                     }
                     Some(Ok(Message::Binary(_))) => {
                         send_error(socket, "messages are JSON text".into()).await
@@ -128,20 +155,67 @@ impl Connection {
                 self.heard.elapsed() < SILENCE
                     && transmit(socket, Message::Ping(Default::default())).await
             }
-            changed = frames.changed(), if self.underway < MAX_UNDERWAY => {
-                if changed.is_err() {
-                    return false;
-                }
-                // Only the newest picture is sent: a slow page skips pictures and never builds up a
-                // queue.
-                let frame = frames.borrow_and_update().clone();
-                let Some(frame) = frame.filter(|f| self.newest != Some(f.number)) else {
-                    return true;
-                };
-                self.underway += 1;
-                self.newest = Some(frame.number);
-                transmit(socket, Message::Binary(frame.bytes.clone())).await
+            changed = frames.changed(), if self.has_room() => {
+                changed.is_ok() && self.send_parts(socket, frames).await
             }
+        }
+    }
+
+    fn has_room(&self) -> bool {
+        self.underway.len() < if self.part >= FAST { 2 } else { 1 }
+    }
+
+    /// Sends as much as the line takes; false if the page is gone. Only the newest picture is
+    /// begun: a slow page skips pictures and never builds up a queue. One at rest is given up when
+    /// something moves.
+    async fn send_parts(
+        &mut self,
+        socket: &mut WebSocket,
+        frames: &mut watch::Receiver<Option<Arc<Frame>>>,
+    ) -> bool {
+        while self.has_room() {
+            let newer = || frames.borrow().clone().filter(|f| self.newest != Some(f.number));
+            let is_outdated = |(frame, _): &(Arc<Frame>, usize)| {
+                !frame.is_moving && newer().is_some_and(|newer| newer.is_moving)
+            };
+            let current = self.current.take().filter(|current| !is_outdated(current));
+            let Some((frame, start)) = current.or_else(|| Some((newer()?, 0))) else {
+                return true;
+            };
+            frames.mark_unchanged();
+            self.newest = Some(frame.number);
+            let end = frame.bytes.len().min(start + self.part);
+            let is_last = end == frame.bytes.len();
+            let head = PartHeader {
+                frame: frame.number,
+                offset: start as u32,
+                total: frame.bytes.len() as u32,
+            };
+            let message = [&head.to_bytes()[..], &frame.bytes[start..end]].concat();
+            let ends = is_last.then_some(frame.number);
+            self.underway.push_back(Underway { bytes: end - start, sent: Instant::now(), ends });
+            self.current = (!is_last).then_some((frame, end));
+            if !transmit(socket, Message::Binary(message.into())).await {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Records that a page got a part.
+    fn acknowledged(&mut self, session: &Session) {
+        let Some(Underway { bytes, sent, ends }) = self.underway.pop_front() else { return };
+        let time = sent.elapsed();
+        if time < ROUND_TRIP[0] && 2 * bytes >= self.part {
+            self.part = (self.part * 2).min(PARTS[1]);
+        } else if time > ROUND_TRIP[1] {
+            self.part = (self.part / 2).max(PARTS[0]);
+        }
+        if bytes >= PARTS[0] / 2 {
+            session.pace.measure(bytes, time);
+        }
+        if let Some(frame) = ends {
+            session.pace.show(frame);
         }
     }
 
@@ -157,21 +231,25 @@ impl Connection {
             Err(error) => return send_error(socket, format!("not understood: {error}")).await,
         };
         match message {
-            ToServer::Ack { frame } => {
-                self.underway = self.underway.saturating_sub(1);
-                // A picture that was never sent cannot have been seen.
-                if self.newest.is_some_and(|newest| !pace::is_before(newest, frame)) {
-                    session.pace.show(frame);
-                }
+            // Parts are acknowledged in order.
+            ToServer::Ack { frame: _ } => {
+                self.acknowledged(session);
                 true
             }
-            ToServer::Pick { id, pixel } => {
+            ToServer::Pick { id, pixel, reach } => {
                 let session = session.clone();
                 let picked = tokio::task::spawn_blocking(move || {
                     let compiled = lock(&session.compiled).clone().map(|(_, compiled)| compiled)?;
-                    pick::pick(&session.now(), &compiled, pixel)
+                    pick::near(&session.now(), &compiled, pixel, reach)
                 });
                 send(socket, &ToPage::Picked { id, hit: picked.await.ok().flatten() }).await
+            }
+            ToServer::Select { id, path, width, surface } => {
+                let session = session.clone();
+                let found =
+                    tokio::task::spawn_blocking(move || session.select(&path, width, surface));
+                let (place, mask, material) = found.await.unwrap_or((None, None, None));
+                send(socket, &ToPage::Selected { id, place, mask, material }).await
             }
             ToServer::Explain { id, pixel, sample, all } => {
                 let session = session.clone();

@@ -1,14 +1,18 @@
 //! The render thread: small pictures while something moves, the picture of `snell render` at rest.
 
+use crate::Finished;
 use crate::budget::Budget;
 use crate::encode::{Encoder, Picture};
-use crate::preview::{self, Preview, rgb_of};
+use crate::learned::{Learned, Raw};
+use crate::light::Lit;
+use crate::preview::{Moving, View, rgb_of};
 use crate::protocol::{FrameHeader, ToPage};
-use crate::session::{Finished, REST, Session, Snapshot, lock};
+use crate::rest::{Resting, denoised_share, is_denoised};
+use crate::session::{REST, Session, Snapshot, lock};
 use crate::size::fits;
-use crate::temporal::{self, History};
-use snell_math::Rgb;
-use snell_render::{CompiledScene, Film, IntegratorKind, Job, Settings, Underway, picture};
+use crate::surfaces::Color;
+use snell_persist::{Checkpoint, Resume, Saved, Wording};
+use snell_render::{CompiledScene, Film, Job, Progress, Settings, Underway, picture};
 use snell_scene::Scene;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -17,8 +21,13 @@ use std::time::{Duration, Instant};
 /// Samples per pixel of the quick picture that is shown during path-guiding training.
 const QUICK: u32 = 16;
 
+/// Time that a step of refinement takes, about.
+const STEP: Duration = Duration::from_millis(500);
 /// Minimum interval between pictures at rest.
 const REST_INTERVAL: Duration = Duration::from_millis(100);
+/// The interval is also at least this multiple of the time that it took to make the last of them
+/// ready to be shown.
+const REST_SHARE: u32 = 4;
 
 /// Maximum number of moving pictures that are not shown yet when the next one is begun: one in
 /// transit and one being encoded.
@@ -33,16 +42,12 @@ pub struct Worker<'a> {
     budget: Budget,
     compiled: Option<Compiled>,
     encoder: Encoder,
+    learned: Learned,
     frame: u32,
     /// The number of the last picture, if it showed something moving.
-    moving: Option<u32>,
-    /// The constant for indirect light while something moves; `None` for a new scene.
-    fill: Option<Rgb>,
-    /// The last moving picture, and the version that it shows.
-    last_preview: Option<(u64, Vec<f32>)>,
-    /// The last moving picture, which the next one can reuse if the scene's generation and the
-    /// integrator are the same.
-    history: Option<((u32, IntegratorKind), History)>,
+    last_moving: Option<u32>,
+    /// The moving pictures so far.
+    moving: Moving,
     /// The picture at rest that is being made.
     refinement: Option<Refinement>,
 }
@@ -51,40 +56,58 @@ pub struct Worker<'a> {
 struct Compiled {
     generation: u32,
     geometry: u32,
+    placement: u32,
     scene: Arc<Scene>,
     compiled: Arc<CompiledScene>,
 }
 
+/// The samples from which Open Image Denoise begins; after that, it begins anew for so many times
+/// the samples.
+const LEARNED: f32 = 4.0;
+
 struct Refinement {
     version: u64,
+    settings: Settings,
     underway: Underway,
+    /// The file that keeps the picture; `None` if none is kept.
+    checkpoint: Option<Checkpoint>,
     /// True for the quick picture that is shown during training.
     is_quick: bool,
     spent: Duration,
-    sent: Option<Instant>,
+    /// When the next picture is due.
+    due: Option<Instant>,
     is_complete: bool,
+    /// What the denoised picture needs, if light is transported.
+    resting: Option<Resting>,
 }
 
 impl<'a> Worker<'a> {
     /// Renders for a session until it ends, with this number of threads and of frames per second.
     pub fn run(session: &'a Session, threads: usize, frames_per_second: f64) {
         std::thread::scope(|scope| {
-            Self::new(session, threads, frames_per_second, Encoder::new(scope, session)).work();
+            let encoder = Encoder::new(scope, session);
+            let learned = Learned::new(scope, threads);
+            Self::new(session, threads, frames_per_second, encoder, learned).work();
         });
     }
 
-    fn new(session: &'a Session, threads: usize, frames_per_second: f64, encoder: Encoder) -> Self {
+    fn new(
+        session: &'a Session,
+        threads: usize,
+        frames_per_second: f64,
+        encoder: Encoder,
+        learned: Learned,
+    ) -> Self {
         Self {
             session,
             threads,
             budget: Budget::new(frames_per_second),
             compiled: None,
             encoder,
+            learned,
             frame: 0,
-            moving: None,
-            fill: None,
-            last_preview: None,
-            history: None,
+            last_moving: None,
+            moving: Moving::default(),
             refinement: None,
         }
     }
@@ -117,18 +140,22 @@ impl<'a> Worker<'a> {
                 }
             };
         }
+        // The view ends.
+        if let Some(refinement) = &mut self.refinement {
+            refinement.save(self.session);
+        }
     }
 
     /// Discards everything that a panic may have left half done.
     fn forget(&mut self) {
-        (self.compiled, self.refinement, self.history) = (None, None, None);
-        (self.fill, self.last_preview, self.moving) = (None, None, None);
+        (self.compiled, self.refinement, self.last_moving) = (None, None, None);
+        self.moving = Moving::default();
     }
 
     /// The next state to render. Waits until it is due, and until a page has shown an earlier
     /// picture.
     fn next(&self, seen: u64, due: Option<Instant>) -> Option<Snapshot> {
-        if let Some(last) = self.moving {
+        if let Some(last) = self.last_moving {
             self.session.pace.wait_for(last.wrapping_sub(UNSEEN), PATIENCE);
         }
         self.session.wait(seen, due)
@@ -141,43 +168,62 @@ impl<'a> Worker<'a> {
         if is_new {
             self.refinement = None;
             self.preview(snapshot, &compiled)?;
-            self.moving = Some(self.frame);
+            self.last_moving = Some(self.frame);
             self.session.has_shown(snapshot.version);
             return Ok(Some(snapshot.moved + REST));
         }
-        self.moving = None;
+        self.last_moving = None;
         Ok(self.refine(snapshot, &compiled)?.then(Instant::now))
     }
 
     fn compile(&mut self, snapshot: &Snapshot) -> Result<Arc<CompiledScene>, String> {
-        let Snapshot { generation, geometry, ref scene, ref settings, .. } = *snapshot;
+        let Snapshot { generation, geometry, placement, ref scene, .. } = *snapshot;
         if let Some(known) = self.compiled.as_ref().filter(|known| known.generation == generation) {
             return Ok(known.compiled.clone());
         }
         let before = self.compiled.take();
         let changed = match before.filter(|known| known.geometry == geometry) {
-            Some(known) => {
+            Some(known) if known.placement == placement => {
                 known.compiled.changed(&known.scene, scene).map_err(|e| e.to_string())?
             }
+            Some(known) => self.moved(known, snapshot)?,
             None => None,
         };
         let compiled = match changed {
             Some(compiled) => compiled,
             None => {
                 self.budget.reset();
-                self.fill = None;
-                CompiledScene::new(scene, &settings.build).map_err(|e| e.to_string())?
+                compiled_anew(snapshot, None)?
             }
         };
         let compiled = Arc::new(compiled);
         self.compiled = Some(Compiled {
             generation,
             geometry,
+            placement,
             scene: scene.clone(),
             compiled: compiled.clone(),
         });
         self.session.set_compiled(generation, &compiled);
         Ok(compiled)
+    }
+
+    /// The scene in other places, made from the parts of the one before, unless someone else still
+    /// looks at that one.
+    fn moved(
+        &self,
+        before: Compiled,
+        snapshot: &Snapshot,
+    ) -> Result<Option<CompiledScene>, String> {
+        lock(&self.session.compiled).take();
+        let previous = Arc::into_inner(before.compiled);
+        let keeps = previous.is_some();
+        let compiled = compiled_anew(snapshot, previous)?;
+        if !keeps {
+            return Ok(Some(compiled));
+        }
+        // Only places were taken over: materials, lights and surroundings may differ too.
+        compiled.changed(&before.scene, &snapshot.scene).map_err(|e| e.to_string())
     }
 
     fn preview(
@@ -187,34 +233,23 @@ impl<'a> Worker<'a> {
     ) -> Result<(), String> {
         let start = Instant::now();
         let size = self.budget.size(snapshot.settings.size);
-        // One thread is left for encoding and showing the previous picture, which would otherwise
-        // delay the next one.
-        let threads = (self.threads - 1).max(1);
-        let guess = || preview::first_fill(&snapshot.settings, &snapshot.camera, compiled, threads);
-        let fill = *self.fill.get_or_insert_with(guess);
-        let mut preview = Preview::new(&snapshot.settings, compiled, size, fill);
-        let history = self.history.take();
-        let (shown, rgb) = if preview.has_fill && size != snapshot.settings.size {
-            let what = (snapshot.generation, snapshot.settings.integrator);
-            let before = history.filter(|(of, _)| *of == what);
-            preview = preview.at_phase(temporal::phase(self.frame));
-            let before = before.as_ref().map(|(_, history)| history);
-            let next = preview
-                .follow(before, &snapshot.camera, compiled, threads)
-                .ok_or("a fault in the renderer")?;
-            let shown = (next.size(), next.rgb().to_vec());
-            self.history = Some((what, next));
-            shown
-        } else {
-            (size, preview.render(&snapshot.camera, compiled, threads))
-        };
-        let has_fill = preview.has_fill && snapshot.settings.integrator == IntegratorKind::Path;
-        self.last_preview = has_fill.then(|| (snapshot.version, rgb.clone()));
+        let view = self.view(snapshot, compiled);
+        let (shown, rgb) = self.moving.next(&view, size);
         let header = self.header(snapshot, shown, start.elapsed());
         self.encoder.send(Picture { header, rgb, display: Some(snapshot.display) })?;
         // The time includes the wait for the encoder, if that is the bottleneck.
         self.budget.spent(size, start.elapsed().as_secs_f64());
         Ok(())
+    }
+
+    fn view<'v>(&self, snapshot: &'v Snapshot, compiled: &'v CompiledScene) -> View<'v> {
+        View {
+            compiled,
+            camera: &snapshot.camera,
+            settings: &snapshot.settings,
+            generation: [snapshot.generation, snapshot.geometry, snapshot.light],
+            threads: self.threads,
+        }
     }
 
     /// Renders one step of the picture at rest; true if there is more to do.
@@ -224,7 +259,8 @@ impl<'a> Worker<'a> {
         compiled: &Arc<CompiledScene>,
     ) -> Result<bool, String> {
         let (settings, version) = (&snapshot.settings, snapshot.version);
-        let (threads, keep_going) = (self.threads, |_: &_| self.session.version() == version);
+        let (threads, keep_going) =
+            (self.threads, |_: &Progress| self.session.version() == version);
         let unguided = Settings { guiding: None, noise: None, ..settings.clone() };
         let quick = Job::new(compiled, &snapshot.camera, &unguided);
         let whole = Job::new(compiled, &snapshot.camera, settings);
@@ -244,15 +280,22 @@ impl<'a> Worker<'a> {
                 // Memory may have become scarce since the size was accepted.
                 fits(settings)?;
                 self.session.tell_view();
-                let is_quick = settings.guiding.is_some();
-                let underway = if is_quick { &quick } else { &whole }.begin(threads, &keep_going);
+                let checkpoint = self.session.checkpoint(snapshot);
+                let kept =
+                    checkpoint.as_ref().and_then(|kept| self.kept(kept, &whole, &keep_going));
+                let is_quick = settings.guiding.is_some() && kept.is_none();
+                let job = if is_quick { &quick } else { &whole };
+                let underway = kept.unwrap_or_else(|| job.begin(threads, &keep_going));
                 Refinement {
                     version,
+                    settings: settings.clone(),
                     underway,
+                    checkpoint,
                     is_quick,
                     spent: Duration::ZERO,
-                    sent: None,
+                    due: None,
                     is_complete: false,
+                    resting: None,
                 }
             }
         };
@@ -261,57 +304,132 @@ impl<'a> Worker<'a> {
             return Ok(false);
         }
         let job = if refinement.is_quick { &quick } else { &whole };
-        let until = next_pass(refinement.underway.samples());
+        let until = next_pass(refinement.underway.samples(), refinement.spent);
         let has_more =
             job.go_on(&mut refinement.underway, until, threads, &keep_going) || refinement.is_quick;
         refinement.spent += start.elapsed();
         if self.session.version() != version {
+            // If the view ends, this is kept.
+            self.refinement = Some(refinement);
             return Ok(false);
         }
         refinement.is_complete = !has_more;
+        if !has_more || refinement.checkpoint.as_ref().is_some_and(Saved::is_due) {
+            refinement.save(self.session);
+        }
         // Until the new picture has as many samples, the quick one is better.
         let is_worse = settings.guiding.is_some()
             && !refinement.is_quick
             && refinement.underway.samples() < QUICK;
-        let is_due =
-            !is_worse && refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL);
+        let is_due = !is_worse && refinement.due.is_none_or(|due| due <= Instant::now());
         if !has_more || is_due {
-            self.publish(snapshot, compiled, &refinement)?;
-            refinement.sent = Some(Instant::now());
+            let begin = Instant::now();
+            self.publish(snapshot, compiled, &mut refinement)?;
+            let spent = begin.elapsed();
+            refinement.due = Some(Instant::now() + REST_INTERVAL.max(spent * REST_SHARE));
         }
         self.refinement = Some(refinement);
         Ok(has_more)
     }
 
-    /// Shows the current picture at rest.
+    /// The picture in the file that keeps it, if it is that of the job.
+    fn kept(
+        &self,
+        checkpoint: &Checkpoint,
+        job: &Job,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) -> Option<Underway> {
+        let (resume, words) = (Resume::IfSame, Wording::COMMAND);
+        match checkpoint.restore(job, resume, words, self.threads, keep_going) {
+            Ok(kept) => {
+                let (underway, warning) = kept?;
+                warning
+                    .into_iter()
+                    .for_each(|message| self.session.tell(ToPage::Error { message }));
+                Some(underway)
+            }
+            Err(problem) => {
+                self.session.tell(ToPage::Error { message: problem.to_string() });
+                None
+            }
+        }
+    }
+
+    /// Shows the current picture at rest: a denoised one that fades into the true samples.
     fn publish(
         &mut self,
         snapshot: &Snapshot,
-        compiled: &CompiledScene,
-        refinement: &Refinement,
+        compiled: &Arc<CompiledScene>,
+        refinement: &mut Refinement,
     ) -> Result<(), String> {
-        let Refinement { version, underway: Underway { film, .. }, is_complete, spent, .. } =
-            refinement;
         let settings = &snapshot.settings;
-        let samples = film.mean_samples() as u32;
+        let film = &refinement.underway.film;
+        let samples = film.mean_samples();
         let image = picture(film, settings, compiled);
-        let rgb = rgb_of(&image);
-        if let Some((_, preview)) =
-            self.last_preview.take_if(|(of, _)| of == version && samples >= 4)
-        {
-            self.fill = Some(preview::fill(&rgb, &preview, self.fill.unwrap_or(Rgb::BLACK)));
+        let mut rgb = rgb_of(&image);
+        let taken = samples as u32;
+        let wanted = if refinement.is_complete { taken } else { settings.spp.max(taken + 1) };
+        let noise = if taken >= 4 { noise_of(film, &rgb) } else { f32::NAN };
+        let mut denoised = 0.0;
+        let view = self.view(snapshot, compiled);
+        if view.is_lit() && is_denoised(settings.size) {
+            let resting =
+                refinement.resting.get_or_insert_with(|| Resting::new(&view, &self.moving));
+            denoised = denoised_share(samples as f32, wanted as f32, noise);
+            let (smooth, lit) = self.denoise(refinement.version, resting, &rgb, samples as f32);
+            // Of the true samples, every bit is shown.
+            if denoised > 0.0 {
+                for (value, smooth) in rgb.iter_mut().zip(smooth.as_flattened()) {
+                    *value += (smooth - *value) * denoised;
+                }
+            }
+            self.moving.rest(&view, lit);
         }
         let header = FrameHeader {
             kind: 1,
-            samples,
-            wanted: if *is_complete { samples } else { settings.spp.max(samples + 1) },
-            noise: if samples >= 4 { noise_of(film, &rgb) } else { f32::NAN },
-            ..self.header(snapshot, settings.size, *spent)
+            samples: taken,
+            wanted,
+            noise,
+            denoised,
+            ..self.header(snapshot, settings.size, refinement.spent)
         };
         self.encoder.send(Picture { header, rgb, display: None })?;
-        let (name, picture) = (snapshot.scene.name.clone(), Arc::new(image));
-        *lock(&self.session.finished) = Some(Finished { name, picture });
+        // The quick picture during training is none that `snell render` makes.
+        if !refinement.is_quick {
+            let Underway { film, statistics, .. } = &refinement.underway;
+            let finished = Finished {
+                scene: snapshot.scene.clone(),
+                compiled: compiled.clone(),
+                settings: settings.clone(),
+                film: film.clone(),
+                statistics: *statistics,
+            };
+            *lock(&self.session.finished) = Some((refinement.version, Arc::new(finished)));
+        }
         Ok(())
+    }
+
+    /// The denoised picture, and the light in it. Open Image Denoise begins anew when there are
+    /// several times the samples; meanwhile, the viewer's own filter denoises.
+    fn denoise(
+        &self,
+        version: u64,
+        resting: &Resting,
+        rgb: &[f32],
+        samples: f32,
+    ) -> (Arc<Vec<Color>>, Lit) {
+        let clean = self.learned.newest(version);
+        if samples >= LEARNED && clean.as_ref().is_none_or(|c| samples >= LEARNED * c.samples) {
+            let (surfaces, rgb) = (resting.surfaces.clone(), rgb.to_vec());
+            self.learned.begin(Raw { version, samples, rgb, surfaces });
+        }
+        match clean {
+            Some(clean) => (clean.colors.clone(), resting.light_of(&clean)),
+            None => {
+                let denoised = resting.denoised(rgb, samples);
+                (Arc::new(denoised.colors), denoised.lit)
+            }
+        }
     }
 
     fn header(&mut self, snapshot: &Snapshot, size: [u32; 2], spent: Duration) -> FrameHeader {
@@ -326,16 +444,41 @@ impl<'a> Worker<'a> {
             wanted: 0,
             milliseconds: spent.as_secs_f32() * 1000.0,
             noise: f32::NAN,
+            denoised: 0.0,
         }
     }
 }
 
-/// Samples per pixel after the next step.
-fn next_pass(samples: u32) -> u32 {
+impl Refinement {
+    /// Saves the picture, if it is kept in a file.
+    fn save(&mut self, session: &Session) {
+        let Some(checkpoint) = self.checkpoint.as_mut().filter(|_| !self.is_quick) else { return };
+        if let Some(message) = checkpoint.write(&self.underway, &self.settings) {
+            session.tell(ToPage::Error { message });
+        }
+    }
+}
+
+/// Compiles a scene, with what did not move of a previous one.
+fn compiled_anew(
+    snapshot: &Snapshot,
+    previous: Option<CompiledScene>,
+) -> Result<CompiledScene, String> {
+    let moving = snell_render::Moving { nodes: (*snapshot.moving).clone(), later: Vec::new() };
+    CompiledScene::moving(&snapshot.scene, &moving, &snapshot.settings.build, previous)
+        .map_err(|e| e.to_string())
+}
+
+/// Samples per pixel after the next step, when so many took this long. Steps are short, so that
+/// what is shown becomes better steadily.
+fn next_pass(samples: u32, spent: Duration) -> u32 {
     match samples {
         0 => 1,
         1..4 => 4,
-        _ => (samples / 16 + 1) * 16,
+        _ => {
+            let in_time = STEP.as_secs_f64() / (spent.as_secs_f64() / f64::from(samples)).max(1e-9);
+            samples + (in_time as u32).clamp(1, 16)
+        }
     }
 }
 

@@ -19,17 +19,20 @@ struct Small;
 impl Source for Small {
     fn open(&self, which: Which) -> Result<Opened, String> {
         let scene = match which {
-            Which::Dropped { name, bytes } => read_dropped(&name, bytes, &ReadOptions::default())?,
+            Which::Dropped(files) => read_dropped(files, &ReadOptions::default())?.1,
             _ => snell_scene::builtin::builtin("cornell-box").ok_or("it is built in")?,
         };
         Ok(Opened {
             camera: scene.cameras.first().cloned().ok_or("the scene has no camera")?,
             scene,
             camera_number: 0,
-            is_camera_made: false,
+            camera_for_size: None,
+            is_encoding_given: false,
+            writer: std::sync::Arc::new(snell_viewer::PlainWriter),
             request: Request::default(),
             settings: Settings { size: [16, 12], spp: 1, ..Settings::default() },
             display: Display::default(),
+            animate: None,
             command: Vec::new(),
         })
     }
@@ -105,7 +108,7 @@ fn until(page: &mut Page, is_it: impl Fn(&Message) -> bool) -> Vec<String> {
     loop {
         let message = page.read().expect("the server goes on");
         if let Message::Binary(bytes) = &message {
-            let number = u32::from_le_bytes(bytes[4..8].try_into().expect("four bytes"));
+            let number = u32::from_le_bytes(bytes[..4].try_into().expect("four bytes"));
             say(page, &json!({"type": "ack", "frame": number}));
         }
         if let Message::Text(text) = &message {
@@ -118,12 +121,13 @@ fn until(page: &mut Page, is_it: impl Fn(&Message) -> bool) -> Vec<String> {
     }
 }
 
-/// A picture at rest of this size.
+/// The first part of a picture at rest of this size. The header of the picture follows the number
+/// of the picture, the place of the part, and the size of the whole.
 fn is_picture(message: &Message, size: [u32; 2]) -> bool {
     let Message::Binary(bytes) = message else { return false };
     let word =
         |i: usize| u32::from_le_bytes(bytes[4 * i..4 * i + 4].try_into().expect("four bytes"));
-    word(0) == 1 && [word(4), word(5)] == size
+    word(1) == 0 && word(3) == 1 && [word(7), word(8)] == size
 }
 
 #[test]
@@ -351,4 +355,38 @@ fn messages_over_the_limit_and_floods_end_one_page_and_no_other() {
     say(&mut good, &json!({"type": "steer"}));
     say(&mut good, &json!({"type": "size", "size": [20, 10]}));
     until(&mut good, |m| is_picture(m, [20, 10]));
+}
+
+#[test]
+fn pictures_and_questions_that_make_no_sense_are_refused() {
+    let server = start();
+    let (host, path) = (server.address, path(&server));
+    let ask = |line: &str, body: &str| {
+        let length = body.len();
+        status_of(&exchange(
+            &server,
+            &format!(
+                "{line} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\nContent-Length: \
+                 {length}\r\n\r\n{body}"
+            ),
+        ))
+    };
+    for question in [
+        "edges",
+        "edges?camera=x&width=8&height=8",
+        "edges?camera=%7B%7D&width=8&height=8",
+        "edges?camera=%7B%7D&width=4294967295&height=4294967295",
+        "layer?name=nope",
+    ] {
+        assert_eq!(ask(&format!("GET {path}{question}"), ""), 422, "{question}");
+    }
+    for question in [
+        "reference",
+        "reference?name=a.exr",
+        "difference?width=4294967295&height=4294967295",
+        "difference?width=1&height=1&exposure=nan",
+        "difference?width=1&height=1&tonemap=nope",
+    ] {
+        assert_eq!(ask(&format!("POST {path}{question}"), "nonsense"), 422, "{question}");
+    }
 }

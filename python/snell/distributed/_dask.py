@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import time
 import uuid
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
 from snell.distributed._engine import FETCHED, FIELDS, MAX_DEATHS, explain, give_up, load
@@ -90,17 +90,27 @@ class Dask:
         return self._fields[job.name]
 
     def wait(self, seconds: float) -> Sequence[tuple[Hashable, bytes]]:
-        results: list[tuple[Hashable, bytes]] = []
+        done: list[Any] = []
         try:
-            while len(results) < FETCHED:
-                future = self._done.get(timeout=seconds)
-                results += self._take(future)
-                seconds = 0
+            while len(done) < FETCHED:
+                done.append(self._done.get(timeout=0 if done else seconds))
         except queue.Empty:
             pass
-        return results
+        fetched = self._fetch(done)
+        return [result for future in done for result in self._take(future, fetched)]
 
-    def _take(self, future: Any) -> list[tuple[str, bytes]]:
+    def _fetch(self, done: Sequence[Any]) -> dict[str, bytes | None]:
+        """The results that can be had, all at once."""
+        futures = [f for f in done if f.key in self._handles and f.status == "finished"]
+        try:
+            return dict(zip((f.key for f in futures), self._client.gather(futures), strict=True))
+        except Exception:
+            # Which of them fails, and why, shows when they are taken one by one.
+            return {}
+
+    def _take(
+        self, future: Any, fetched: Mapping[str, bytes | None]
+    ) -> list[tuple[Hashable, bytes]]:
         handle = self._handles.pop(future.key, None)
         if handle is None or handle not in self._running:
             return []
@@ -111,7 +121,8 @@ class Dask:
             self._distributed.client.FutureCancelledError,
         )
         try:
-            result = future.result()
+            key = future.key
+            result = fetched[key] if key in fetched else future.result()
         except killed as error:
             if self._client.status not in ("running", "connecting"):
                 raise

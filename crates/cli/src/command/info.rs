@@ -52,10 +52,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         return Ok(ExitCode::SUCCESS);
     }
     let path = options.scene.as_deref().expect("there is a scene where there is no kind");
-    if let Some(text) = checkpoint::described(path, options.json)? {
+    if let Some(found) = checkpoint::found(path)? {
+        let text = checkpoint::described(&found.header, options.json);
         standard_output::write(text.as_bytes())?;
         if let Some(picture) = &options.picture {
-            checkpoint::write_picture(path, picture)?;
+            checkpoint::write_picture(&found.path, picture)?;
         }
         return Ok(ExitCode::SUCCESS);
     }

@@ -1,7 +1,7 @@
 //! `snell render`: renders a scene file to a picture.
 
 pub mod again;
-mod checkpoint;
+pub mod checkpoint;
 mod denoise;
 mod exposure_hint;
 pub mod frames;
@@ -24,27 +24,29 @@ use crate::failure::Failure;
 use crate::messages::counted;
 use crate::progress::Reporter;
 use crate::{interrupt, scene_source};
-use checkpoint::Checkpoint;
+use clap::ArgMatches;
 use denoise::Denoised;
 use exposure_hint::exposure_hint;
 use output::Target;
 use preview::Preview;
-use receipt::Receipt;
+pub(super) use preview::display;
 use saving::Saving;
-use snell_formats::image::Tonemap;
+use snell_formats::image::{Tonemap, encode_image_as};
 use snell_math::simd::Level;
+use snell_persist::Receipt;
 use snell_render::{
     CompiledScene, Film, FilmTile, IntegratorKind, Job, Progress, Pulse, Request, Settings,
     Statistics, with_patience,
 };
 use snell_scene::{Camera, Pose, Scene, Warning, WarningKind};
+use snell_viewer::Finished;
 use stage::{Shot, Stage};
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use summary::Summary;
+use summary::{Facts, Summary};
 use tev::Tev;
 
 /// The message if a signal ends the command before anything can be saved.
@@ -61,7 +63,7 @@ pub struct Merged<'a> {
 /// Renders a scene and writes the picture, or the frames of an animation.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     interrupt::end_at_once(NOTHING_YET);
-    checkpoint::check(options)?;
+    let _lock = checkpoint::check(options)?;
     produce(&options.clone().recording_sources(), None, None)
 }
 
@@ -85,7 +87,7 @@ fn produce(
     let scene = scene.map_or_else(|| load(options), Ok)?;
     let receipt = match merged {
         Some(merged) => merged.receipt.clone(),
-        None => Receipt::new(options, &crate::command::matches("render")?),
+        None => receipt::of_options(options, &crate::command::matches("render")?),
     };
     let mut stage = Stage::new(scene, options)?;
     let tonemap = options.tonemap(&stage.scene)?;
@@ -245,7 +247,8 @@ impl Session<'_> {
         let watcher = |tile: &FilmTile| tev.iter().for_each(|tev| tev.send(tile));
         interrupt::save_first();
         let mut saving = Saving {
-            checkpoint: Checkpoint::new(options, &settings, target.path(), &self.receipt)?,
+            options,
+            checkpoint: checkpoint::of_options(options, &settings, target.path(), &self.receipt)?,
             preview: Preview::new(options, scene, self.tonemap),
         };
         let (pulse, limit) = (Pulse::default(), options.request.time);
@@ -284,21 +287,23 @@ impl Session<'_> {
                 Warning::note_of(WarningKind::Choice, &mut warnings, hint, 1);
             }
         }
-        let summary = Summary {
+        let facts = Facts {
             scene,
-            compiled: &compiled,
             settings: &settings,
-            warnings,
-            tonemap: self.tonemap,
             statistics,
             film: &film,
+            image_sha256: output::sha256(&picture),
+            receipt: self.receipt.of_film(&film),
+        };
+        let summary = Summary {
+            facts,
+            compiled: &compiled,
+            warnings,
             load_seconds: self.load_seconds,
             build_seconds,
             render_seconds,
             threads,
             estimated_memory_bytes: self.estimated_memory_bytes,
-            image_sha256: output::sha256(&picture),
-            receipt: self.receipt.of_film(&film),
         };
         snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);
         layers::add_cryptomatte(&mut picture, &film, scene, &compiled);
@@ -315,7 +320,7 @@ impl Session<'_> {
             let target =
                 if has_holes || denoised.is_err() { Target::File(&beside) } else { target };
             if !(is_interrupted && options.has_frames()) {
-                let written = self.output.write(target, picture, &film, &summary, scene)?;
+                let written = self.output.write(target, picture, &summary.facts)?;
                 if !options.quiet && !options.has_frames() && written.is_in_place {
                     summary.print(options, target);
                 }
@@ -350,9 +355,37 @@ impl Session<'_> {
         }
         // The statistics come last, because the denoiser or the encoder may take the most memory.
         let (least_samples, statistics) = (film.least_samples(), summary.json());
-        let farewell = saving.checkpoint.map(|checkpoint| checkpoint.farewell());
+        let farewell = saving.checkpoint.as_ref().map(checkpoint::farewell);
         Ok(Outcome { compiled, fate, least_samples, render_seconds, statistics, farewell })
     }
+}
+
+/// The file of a picture that the viewer has made, as these options write it; `matches` are the
+/// options as they were given.
+pub(super) fn encode(
+    options: &Options,
+    matches: &ArgMatches,
+    made: &Finished,
+    format: &str,
+) -> Result<Vec<u8>, Failure> {
+    let Finished { scene, compiled, settings, film, statistics } = made;
+    let mut picture = snell_render::picture(film, settings, compiled);
+    let facts = Facts {
+        scene,
+        settings,
+        statistics: *statistics,
+        film,
+        image_sha256: output::sha256(&picture),
+        receipt: receipt::of_options(options, matches).of_film(film),
+    };
+    snell_render::layers::name_groups(&mut picture, film, &settings.light_groups);
+    layers::add_cryptomatte(&mut picture, film, scene, compiled);
+    let denoiser = options.request.denoise.as_ref().map(denoise::load).transpose()?;
+    if let Some(denoiser) = denoiser.map(Arc::new) {
+        denoise::apply(&denoiser, &mut picture, options.threads())?;
+    }
+    let (picture, writing) = output::prepared(options, picture, &facts)?;
+    Ok(encode_image_as(format, &picture, &writing)?)
 }
 
 /// Warnings before a picture is rendered. Warnings of the readers name a place in a file; warnings

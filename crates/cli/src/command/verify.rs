@@ -4,7 +4,6 @@
 //! that are rendered again must have the hashes of the receipt, and the file must show them.
 
 use super::plan::folder::Folder;
-use super::render::receipt::{self, Receipt};
 use super::render::{self, Merged};
 use crate::failure::Failure;
 use crate::{standard_output, threads};
@@ -13,6 +12,7 @@ use snell_formats::error::one_line;
 use snell_formats::image::read_layers;
 use snell_formats::{Input, ReadOptions};
 use snell_math::rng;
+use snell_persist::{Receipt, tile_hash};
 use snell_render::{Film, Job, Progress, Split, Statistics, Task, Underway};
 use snell_scene::{LayeredImage, Scene};
 use std::cell::RefCell;
@@ -86,7 +86,7 @@ struct Wrong {
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let shown = one_line(&options.picture.display().to_string()).into_owned();
     let picture = read_picture(&options.picture)?;
-    let text = picture.metadata.iter().find(|(key, _)| key == receipt::KEY);
+    let text = picture.metadata.iter().find(|(key, _)| key == Receipt::KEY);
     let Some((_, text)) = text else {
         return Err(Failure::Usage(format!(
             "{shown}: this picture has no receipt; Snell writes one into OpenEXR and PNG"
@@ -126,7 +126,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         for &tile in &chosen {
             let area = film.tiles[tile].area;
             areas.borrow_mut().push(area);
-            if receipt::tile_hash(&film.tiles[tile]) != hashes[tile] {
+            if tile_hash(&film.tiles[tile]) != hashes[tile] {
                 wrong.borrow_mut().insert(Wrong { corner: area.min, is_file: false });
             }
         }
@@ -210,7 +210,7 @@ fn some_tiles(
             if !alone.add(result.clone()) {
                 return Err(other());
             }
-            let is_it = receipt::tile_hash(&alone.film.tiles[tile]) == *hash;
+            let is_it = tile_hash(&alone.film.tiles[tile]) == *hash;
             found = Some(result);
             if is_it {
                 break;

@@ -137,6 +137,8 @@ fn checkpoints_that_make_no_sense_are_refused() {
     for (words, what) in [
         ("--resume", "--checkpoint FILE"),
         ("--checkpoint-interval 5s", "--checkpoint FILE"),
+        ("--checkpoint c --checkpoint-interval 0s", "above 0"),
+        ("--checkpoint -", "name a file"),
         ("--checkpoint a.png", "same file"),
         ("--checkpoint ./a.png", "same file"),
         ("--checkpoint s.json --stats s.json", "same file"),
@@ -188,7 +190,99 @@ fn checkpoints_are_shown_and_merged_without_the_command_that_made_them() {
     place.run(&format!("{words} --spp 32 --seed 4 --checkpoint c.snellr -q -o c.exr")).done();
     let run = place.run("merge a.snellr c.snellr -o d.exr");
     assert_eq!(run.code, 2, "{}", run.err);
-    assert!(run.err.contains("c.snellr") && run.err.contains("--seed was 4"), "{}", run.err);
+    let words = "a.snellr and c.snellr are of different pictures: --seed is 0 in the first and 4";
+    assert!(run.err.contains(words), "{}", run.err);
+}
+
+#[test]
+fn a_torn_checkpoint_is_shown_and_merged_by_the_one_before_it() {
+    let place = Place::new();
+    let words = "render cornell-box --size 40x32 --checkpoint a.snellr --resume -q -o a.exr";
+    place.run(&format!("{words} --spp 20")).done();
+    place.run(&format!("{words} --spp 32")).done();
+    let whole = hash(&place, "a.snellr");
+    place.run("merge a.snellr.before -q -o before.exr").done();
+    for torn in [&whole[..whole.len() - 7], &[]] {
+        place.write("a.snellr", torn);
+        for command in ["info a.snellr", "merge a.snellr -o merged.exr"] {
+            let run = place.run(command).done();
+            assert!(run.err.contains("going on with a.snellr.before"), "{}", run.err);
+        }
+        assert!(hash(&place, "merged.exr") == hash(&place, "before.exr"));
+    }
+    // Trying again never helps where neither is whole.
+    for content in [&b""[..], b"no checkpoint", &whole[..50]] {
+        place.write("b.snellr", content);
+        let run = place.run("merge b.snellr -o c.exr");
+        assert_eq!(run.code, 2, "{}", run.err);
+        let run = place.run("info b.snellr");
+        assert!(run.code == 1 && run.err.contains("b.snellr: this "), "{}", run.err);
+    }
+}
+
+#[test]
+fn an_animation_does_not_replace_the_checkpoint_of_another_picture() {
+    let place = Place::new();
+    let scene = "render spheres --size 16x12";
+    let still = |seed: u32, name: &str| {
+        place.run(&format!("{scene} --spp 8 --seed {seed} --checkpoint {name} -q -o a.png")).done();
+        hash(&place, name)
+    };
+    let kept = still(1, "a.snellr");
+    let turn = |more: &str| {
+        place.run(&format!(
+            "{scene} --turntable 2 --checkpoint a.snellr --resume -q -o t.png {more}"
+        ))
+    };
+    for (more, what) in [
+        ("--spp 8 --seed 1", "--turntable was not given and is 2 now"),
+        ("--spp 8 --seed 2", "of another picture"),
+        ("--spp 64 --seed 1", "of another picture"),
+    ] {
+        let run = turn(more);
+        assert_eq!(run.code, 1, "{}", run.err);
+        assert!(run.err.contains(what), "{}", run.err);
+    }
+    assert!(hash(&place, "a.snellr") == kept && !place.path("t.0000.png").exists());
+    // Nor that of another animation.
+    std::fs::remove_file(place.path("a.snellr")).expect("it is there");
+    turn("--spp 8 --seed 1").done();
+    let kept = hash(&place, "a.snellr");
+    let run = turn("--spp 8 --seed 2");
+    assert!(run.code == 1 && run.err.contains("--seed was 1 and is 2 now"), "{}", run.err);
+    let run = turn("--spp 7 --seed 1 --sampler zsobol");
+    assert!(run.code == 1 && run.err.contains("8 samples already"), "{}", run.err);
+    assert!(hash(&place, "a.snellr") == kept);
+    turn("--spp 8 --seed 1").done();
+}
+
+#[cfg(unix)]
+#[test]
+fn one_render_saves_to_a_checkpoint_at_a_time() {
+    let place = Place::new();
+    let words = |spp: u32| {
+        format!("render cornell-box --size 16x12 --spp {spp} --checkpoint a.snellr -q -o a.png")
+    };
+    let mut first = place.command(&words(1 << 20)).spawn().expect("the command exists");
+    let start = std::time::Instant::now();
+    while !place.path("a.snellr.lock").exists() && start.elapsed() < Duration::from_secs(20) {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let second = place.run(&words(1));
+    assert_eq!(second.code, 2, "{}", second.err);
+    assert!(second.err.contains("a.snellr: another render saves to this file"), "{}", second.err);
+    // The system unlocks what a killed program leaves.
+    first.kill().expect("it runs");
+    first.wait().expect("it was started");
+    assert!(place.path("a.snellr.lock").exists() && !place.path("a.snellr").exists());
+    place.run(&words(1)).done();
+    assert_eq!(place.files(), ["a.png", "a.snellr"]);
+    place.write("b.lock", "of somebody else");
+    let run = place.run("render cornell-box --size 16x12 --spp 1 --checkpoint b -q -o a.png");
+    assert!(run.code == 2 && run.err.contains("b.lock is no lock of Snell"), "{}", run.err);
+    std::os::unix::fs::symlink("a.snellr", place.path("link")).expect("it is writable");
+    let run = place.run("render cornell-box --checkpoint link --resume -o a.png");
+    assert!(run.code == 2 && run.err.contains("link is a symbolic link"), "{}", run.err);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Renders that workers share through a folder.
 
 use super::support::{Place, Run};
+use snell_math::simd::Level;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
@@ -133,6 +134,7 @@ fn what_is_missing_foreign_broken_or_different_is_named() {
 
     put(&std::fs::read(&foreign[0]).expect("it is there"));
     refused(merge("plan"), 1, "this is a result of another plan (worker ");
+    assert!(!mine[0].exists() && mine[0].with_extension("result.useless").exists());
     put(&std::fs::read(&mine[1]).expect("it is there"));
     refused(merge("plan"), 1, "this is the result of another task (worker ");
     let mut flipped = first.clone();
@@ -141,8 +143,8 @@ fn what_is_missing_foreign_broken_or_different_is_named() {
     put(&flipped);
     refused(merge("plan"), 1, "this file is damaged");
     put(&first[..first.len() / 2]);
-    refused(merge("plan"), 1, "it ends early");
-    std::fs::remove_file(&mine[0]).expect("it is ours");
+    refused(merge("plan"), 1, "it ends early; it is called 00000-0000000.result-4.useless now");
+    assert!(!mine[0].exists());
     // A copy of the folder has what this one lacks.
     let copy = place.path("copy");
     std::fs::create_dir_all(copy.join("frames/00000/0000000")).expect("it is writable");
@@ -163,9 +165,18 @@ fn what_is_missing_foreign_broken_or_different_is_named() {
     let text = std::fs::read_to_string(place.path("plan/plan.json")).expect("it is there");
     place.write("plan/plan.json", text.replace("\"spp\": 4", "\"spp\": 5"));
     refused(place.run("work plan"), 2, "this plan was changed");
-    refused(place.run("work nothing"), 1, "nothing/plan.json: No such file");
+    refused(place.run("work nothing"), 1, "nothing: there is no such folder");
+    refused(merge("nothing.snellr"), 1, "no folder of a plan and no checkpoint of this name");
+    refused(place.run("work plan/plan.json"), 2, "this is a file; give the folder of a plan");
+    let is_scene = |path: &std::path::PathBuf| path.extension().is_some_and(|e| e == "snell");
+    let scene = files(&place.path("other")).into_iter().find(is_scene);
+    std::fs::write(scene.expect("there is one"), "{}").expect("it is writable");
+    refused(place.run("work other"), 2, "this is not the scene of the plan");
     for (words, message) in [
         ("plan cornell-box -o p --time 3", "--time"),
+        ("plan cornell-box -o p --preview p.png", "--preview"),
+        ("work other --lease 0s", "above 0"),
+        ("work other --lease 25h", "0.2s to 24h"),
         ("plan cornell-box -o p --samples-per-task 20", "a multiple of 16"),
         ("plan cornell-box", "name the folder of the plan"),
         ("work other --tasks 2-4", "the plan has the tasks 0 to 3"),
@@ -175,10 +186,74 @@ fn what_is_missing_foreign_broken_or_different_is_named() {
 }
 
 #[test]
+fn results_that_vanish_after_the_end_are_rendered_again() {
+    let place = Place::new();
+    for (more, is_round) in [("--spp 4 --tiles-per-task 2", false), ("--spp 64 --noise 0.3", true)]
+    {
+        let _ = std::fs::remove_dir_all(place.path("plan"));
+        place.run(&format!("plan cornell-box --size 64x32 {more} -q -o plan")).done();
+        place.run("work plan -q").done();
+        place.run("merge plan -q -o a.exr").done();
+        let whole = bytes(&place, "a.exr");
+        let kind = if is_round { "state" } else { "result" };
+        let mut all = files(&place.path("plan"));
+        all.retain(|path| path.extension().is_some_and(|e| e == kind));
+        all.sort();
+        let last = all.last().expect("there is one");
+        for spoil in [None, Some(0), Some(40)] {
+            match spoil {
+                None => std::fs::remove_file(last).expect("it is there"),
+                Some(length) => {
+                    let content = std::fs::read(last).expect("it is there");
+                    std::fs::write(last, &content[..length]).expect("it is writable");
+                }
+            }
+            let status = place.run("plan status plan").done();
+            if !is_round && spoil != Some(40) {
+                assert!(status.text().contains("3 of 4 tasks"), "{}", status.text());
+            }
+            // The round of pixels that stop is put together again from its results.
+            let run = place.run("merge plan -q -o a.exr");
+            assert_eq!(run.code == 0, is_round, "{}", run.err);
+            place.run("work plan -q").done();
+            place.run("merge plan -q -o a.exr").done();
+            assert!(bytes(&place, "a.exr") == whole, "{more} {spoil:?}");
+        }
+    }
+}
+
+#[test]
+fn missing_pictures_are_merged_and_whole_ones_stay() {
+    let place = Place::new();
+    let words = "plan teapot --size 32x24 --spp 8 --turntable 3 --tiles-per-task 9 -q -o plan";
+    place.run(words).done();
+    let run = place.run("work plan --tasks 1").done();
+    assert!(run.err.contains("task 1 of 0 to 2 (picture 0001): "), "{}", run.err);
+    let run = place.run("merge plan -o t.png");
+    assert!(run.err.contains("picture 0000: 1 of 1 tasks have no result (0)"), "{}", run.err);
+    place.run("work plan -q").done();
+    place.run("merge plan -q -o t.png").done();
+    let names = [0, 1, 2].map(|number| format!("t.000{number}.png"));
+    let whole = names.each_ref().map(|name| bytes(&place, name));
+    let time = || place.path("t.0000.png").metadata().and_then(|known| known.modified());
+    let written = time().expect("it is there");
+    std::fs::remove_file(place.path("t.0001.png")).expect("it is there");
+    place.write("t.0002.png", &whole[2][..whole[2].len() / 2]);
+    let run = place.run("merge plan --resume -o t.png").done();
+    assert!(run.err.contains("2 merged") && !run.err.contains("rendered"), "{}", run.err);
+    assert!(run.err.contains("merged again: 1, the first is ./t.0002.png"), "{}", run.err);
+    assert_eq!(time().expect("it is there"), written);
+    assert!(names.each_ref().map(|name| bytes(&place, name)) == whole);
+    let status = place.run("plan status plan --frame 2 --picture s.png").done();
+    assert!(status.text().contains("picture 0002: finished"), "{}", status.text());
+    assert_eq!(place.run("plan status plan --frame 3 --picture s.png").code, 2);
+}
+
+#[test]
 fn a_worker_that_is_told_to_end_gives_its_task_back() {
     let place = Place::new();
     place.run("plan cornell-box --size 320x240 --spp 4096 -q -o plan").done();
-    let mut worker = started(&place, "work plan -t 1");
+    let mut worker = started(&place, "work plan -t 1 --name tester");
     let start = Instant::now();
     let leases = || {
         let all = files(&place.path("plan"));
@@ -188,6 +263,8 @@ fn a_worker_that_is_told_to_end_gives_its_task_back() {
         std::thread::sleep(Duration::from_millis(20));
     }
     assert_eq!(leases(), 1);
+    let status = place.run("plan status plan").done();
+    assert!(status.text().contains("worker tester-"), "{}", status.text());
     #[cfg(unix)]
     {
         use nix::sys::signal::{Signal, kill};
@@ -198,6 +275,31 @@ fn a_worker_that_is_told_to_end_gives_its_task_back() {
     // If it has just ended, nothing is left to be killed.
     let _ = worker.kill();
     let _ = worker.wait();
+}
+
+#[test]
+fn workers_with_other_instructions_give_the_same_file() {
+    let place = Place::new();
+    let scene = "cornell-box --size 50x40 --spp 32 --fog 0.001 --aov depth,normal";
+    place.run(&format!("render {scene} -q -o whole.exr")).done();
+    place.run(&format!("plan {scene} --tiles-per-task 1 -q -o plan")).done();
+    let levels: Vec<Level> = Level::ALL.into_iter().filter(|level| level.is_supported()).collect();
+    // The tasks of the last level are all that are left.
+    for (number, level) in levels.iter().enumerate() {
+        let tasks = match number + 1 < levels.len() {
+            true => format!("--tasks {}-{}", 4 * number, 4 * number + 3),
+            false => String::new(),
+        };
+        let mut command = place.command(&format!("work plan -q {tasks}"));
+        place.finish(command.env("SNELL_SIMD", level.name()), b"").done();
+    }
+    place.run("merge plan -q -o merged.exr").done();
+    assert!(bytes(&place, "whole.exr") == bytes(&place, "merged.exr"), "{levels:?}");
+    for level in levels {
+        let mut command = place.command("verify merged.exr --tiles all");
+        let run = place.finish(command.env("SNELL_SIMD", level.name()), b"").done();
+        assert!(run.text().contains("all the same bits"), "{level}: {}", run.text());
+    }
 }
 
 #[test]
@@ -286,4 +388,77 @@ fn plans_are_written_as_jobs_of_schedulers() {
     assert!(run.text().contains("completionMode: Indexed"), "{}", run.text());
     export("slurm plan -o job.sh");
     assert!(bytes(&place, "job.sh").starts_with(b"#!/bin/bash\n"));
+}
+
+#[test]
+fn the_help_of_a_plan_is_about_plans() {
+    let help = Place::new().run("plan --help").done();
+    assert!(help.text().contains("New folder for the plan"), "{}", help.text());
+    for option in ["--checkpoint", "--preview", "--resume", "--time", "--stats"] {
+        assert!(!help.text().contains(option), "{option}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn no_name_breaks_out_of_a_job() {
+    let place = Place::new();
+    let with = |words: &str, name: &str| place.finish(place.command(words).arg(name), b"");
+    let name = "a\ntouch broken";
+    with("plan cornell-box --size 16x16 --spp 1 -q -o", name).done();
+    for scheduler in ["slurm", "openjd", "kubernetes"] {
+        let run = with(&format!("plan export {scheduler}"), name);
+        assert_eq!(run.code, 2, "{}", run.err);
+        assert!(run.err.contains("a line break or a control character"), "{}", run.err);
+    }
+    // What is to be copied is one word.
+    let run = with("plan cornell-box --size 16x16 --spp 1 -o", "it's mine");
+    assert!(run.err.contains(r"snell work 'it'\''s mine'"), "{}", run.err);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_job_of_slurm_that_is_told_to_end_is_queued_again() {
+    use std::os::unix::fs::PermissionsExt;
+    let place = Place::new();
+    place.run("plan cornell-box --size 16x16 --spp 1 -q -o plan").done();
+    place.run("plan export slurm plan -o job.sh").done();
+    let program = |name: &str, text: &str| {
+        place.write(name, format!("#!/bin/bash\n{text}\n"));
+        std::fs::set_permissions(place.path(name), PermissionsExt::from_mode(0o755))
+            .expect("it is ours");
+    };
+    program("scontrol", "echo \"$@\" >requeued");
+    // It ends at once, or not before it has saved something.
+    for (worker, code) in [
+        ("trap 'exit 130' TERM; touch started; sleep 9 & wait", 130),
+        ("trap 'sleep 0.3; exit 130' TERM; touch started; sleep 9 & wait", 130),
+        ("touch started; exec sleep 9", 143),
+        ("touch started; exit 3", 3),
+    ] {
+        program("snell", worker);
+        let path = std::env::var("PATH").unwrap_or_default();
+        let mut job = std::process::Command::new("bash")
+            .arg("job.sh")
+            .current_dir(place.path(""))
+            .env("PATH", format!("{}:{path}", place.path("").display()))
+            .env("SLURM_JOB_ID", "7")
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("there is a shell");
+        let start = Instant::now();
+        while !place.path("started").exists() && start.elapsed() < Duration::from_secs(20) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        use nix::sys::signal::{Signal, kill};
+        if code != 3 {
+            kill(nix::unistd::Pid::from_raw(job.id() as i32), Signal::SIGTERM).expect("it runs");
+        }
+        assert_eq!(job.wait().expect("it was started").code(), Some(code), "{worker}");
+        let requeued = std::fs::read_to_string(place.path("requeued"));
+        assert_eq!(requeued.ok().as_deref(), (code != 3).then_some("requeue 7\n"), "{worker}");
+        for name in ["started", "requeued"] {
+            let _ = std::fs::remove_file(place.path(name));
+        }
+    }
 }

@@ -74,7 +74,8 @@ fn a_dropped_file_names_no_other_file() {
             &format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
         );
         assert!(
-            answer.starts_with("HTTP/1.1 422") && answer.contains("can name no others"),
+            answer.starts_with("HTTP/1.1 422")
+                && answer.contains("drop it together with the files"),
             "{answer}"
         );
     }
@@ -100,6 +101,66 @@ fn the_token_may_come_from_the_environment() {
     );
 }
 
+/// A page that watches until the picture at rest has this many samples; returns the samples of the
+/// first picture at rest.
+fn watched(viewer: &Viewer, samples: u32) -> u32 {
+    let url = format!("ws://{}/{}/ws", viewer.host, viewer.token);
+    let stream = viewer.connect().expect("it listens");
+    let (mut page, _) = tungstenite::client(url, stream).expect("it is a page");
+    let mut first = None;
+    loop {
+        let tungstenite::Message::Binary(bytes) = page.read().expect("it sends") else { continue };
+        // A part of a picture: its number, the place of the part, and the size of the whole. The
+        // first part has the header of the picture.
+        let word = |i: usize| u32::from_le_bytes(bytes[4 * i..][..4].try_into().expect("four"));
+        let acknowledged = format!("{{\"type\":\"ack\",\"frame\":{}}}", word(0));
+        page.send(tungstenite::Message::text(acknowledged)).expect("it listens");
+        if word(1) == 0 && word(3) == 1 {
+            first.get_or_insert(word(9));
+            if word(9) >= samples {
+                return first.unwrap_or_default();
+            }
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_view_that_was_closed_goes_on_where_it_was_and_may_be_finished_without_it() {
+    let place = Place::new();
+    place.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let ended = |mut viewer: Viewer| {
+        use nix::sys::signal::{Signal, kill};
+        let id = nix::unistd::Pid::from_raw(viewer.child.id() as i32);
+        kill(id, Signal::SIGTERM).expect("it runs");
+        viewer.child.wait().expect("it was started");
+    };
+    let settings = "--size 32x24 --spp 160 -i path --max-depth 4";
+    let words = format!("a.obj --checkpoint a.snellr -- {settings}");
+    let viewer = Viewer::of(view(&place, &words));
+    assert!(watched(&viewer, 40) < 40);
+    ended(viewer);
+    let run = place.run("info a.snellr --json").done();
+    let kept: serde_json::Value = serde_json::from_str(run.text()).expect("it is JSON");
+    assert!(kept["samples_of_each_pixel"].as_u64() >= Some(40), "{kept}");
+    // The second view has what the first one had, whatever is given after --.
+    let viewer = Viewer::of(view(&place, "a.obj --checkpoint a.snellr -- --seed 9"));
+    assert!(watched(&viewer, 48) >= 40);
+    ended(viewer);
+    let render = format!("render a.obj {settings} -q");
+    place.run(&format!("{render} --checkpoint a.snellr --resume -o a.exr")).done();
+    place.run(&format!("{render} -o whole.exr")).done();
+    let [a, whole] = ["a.exr", "whole.exr"].map(|name| place.layers(name));
+    assert_eq!(a.layers, whole.layers);
+    let run = place.run("view cornell-box --no-open --checkpoint a.snellr");
+    assert_eq!(run.code, 2, "{}", run.err);
+    assert!(run.err.contains("this is a picture of a.obj; name that scene"), "{}", run.err);
+    place.write("b.snellr", "a text of something else");
+    let run = place.run("view a.obj --no-open --checkpoint b.snellr");
+    assert_eq!(run.code, 1, "{}", run.err);
+    assert!(run.err.contains("this is no checkpoint of Snell; name another file"), "{}", run.err);
+}
+
 #[test]
 fn what_the_viewer_does_not_show_is_refused() {
     let place = Place::new();
@@ -113,6 +174,8 @@ fn what_the_viewer_does_not_show_is_refused() {
     };
     refused("cornell-box -- --crop 0,0,10,10", "--crop");
     refused("cornell-box -- --size 16385x1 --spp 1", "16384");
+    refused("cornell-box -- --spp 4 --fps 20", "--fps is an option of `snell view`: give it");
+    refused("cornell-box -- --nonsense", "--nonsense");
 }
 
 /// The command under limits of the shell's `ulimit`, such as `-n 64`.

@@ -1,11 +1,11 @@
 //! Object File Format (Geomview's OFF), text form.
 //!
 //! The header may be `OFF` with the prefixes `ST`, `C` and `N` in any order, may share a line with
-//! the counts, may even touch them (`OFF8 6 12`), or may be missing. There is one vertex or face
-//! per line. Vertices have colours after the prefix `C`, and a face has one where three or four
-//! numbers follow its corners: whole numbers from 0 to 255, or fractions from 0 to 1, both sRGB.
-//! Anything else after the required numbers is ignored. Meshes have no normals unless the prefix
-//! `N` is present: they are shaded flat.
+//! the counts, may even touch them (`OFF8 6 12`), or may be missing. Each vertex and face begins
+//! on a new line, and may go on in the next. Vertices have colours after the prefix `C`, and a face
+//! has one where three or four numbers follow its corners: whole numbers from 0 to 255, or
+//! fractions from 0 to 1, both sRGB. Anything else after the required numbers is ignored. Meshes
+//! have no normals unless the prefix `N` is present: they are shaded flat.
 
 use super::colors;
 use super::notes::Notes;
@@ -226,7 +226,8 @@ fn read_faces(
         let corners = whole(reader, first.bytes, first.start, "the number of corners of a face")?;
         face.clear();
         for _ in 0..corners {
-            let Some(word) = reader.text.word() else {
+            // Some programs write each corner on a line of its own.
+            let Some(word) = reader.text.word_on_any_line() else {
                 return Err(reader.missing(&format!("a corner of a face of {corners}")));
             };
             let index = whole(reader, word.bytes, word.start, "a vertex number")?;

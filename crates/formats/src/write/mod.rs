@@ -25,7 +25,7 @@ use crate::{atomic, scene};
 use snell_math::DVec3;
 use snell_scene::placed::distinct_triangles;
 use snell_scene::texture::Pattern;
-use snell_scene::{Scene, SceneSettings, Warning};
+use snell_scene::{Material, Scene, SceneSettings, Warning};
 use std::path::{Path, PathBuf};
 
 /// Pieces around a circle, where shapes become triangles.
@@ -138,8 +138,12 @@ impl Output {
         }
     }
 
-    /// Notes everything that formats of bare meshes leave out.
+    /// Notes everything that formats of bare meshes leave out. White materials stand only for the
+    /// colours of vertices.
     fn lose_all_but_surfaces(&mut self, scene: &Scene) {
+        if scene.materials.iter().any(|material| *material != Material::white()) {
+            self.lose("materials are left out");
+        }
         let kinds = [
             (scene.cameras.len(), "camera"),
             (scene.lights.len(), "light"),

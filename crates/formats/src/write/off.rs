@@ -14,9 +14,6 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let meshes: Vec<TriangleMesh> =
         world_meshes(scene, output, Digits::Any)?.into_iter().map(|(_, mesh)| mesh).collect();
     output.lose_all_but_surfaces(scene);
-    if !scene.materials.is_empty() {
-        output.lose("materials are left out");
-    }
     if meshes.len() > 1 {
         output.lose("all objects became one mesh");
     }

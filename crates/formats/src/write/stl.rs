@@ -11,9 +11,6 @@ pub const WRITER: SceneWriter =
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let meshes = world_meshes(scene, output, Digits::Single)?;
     output.lose_all_but_surfaces(scene);
-    if !scene.materials.is_empty() {
-        output.lose("materials are left out");
-    }
     if meshes.len() > 1 {
         output.lose("all objects became one mesh");
     }

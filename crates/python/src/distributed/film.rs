@@ -143,9 +143,11 @@ impl _Film {
     /// The picture so far.
     fn picture(&self, py: Python<'_>) -> PyResult<Image> {
         let (plan, state) = (self.plan.clone(), self.state.clone());
-        let made =
-            run_to_end_on(py, self.plan.threads, move || plan.finish(&lock(&state).underway.film))?;
+        let seconds = self.start.elapsed().as_secs_f64();
+        let made = run_to_end_on(py, self.plan.threads, move || {
+            plan.finish(&lock(&state).underway.film, seconds)
+        })?;
         let made = made.map_err(denoise_error)?;
-        self.plan.image(py, made, &lock(&self.state).underway, self.start.elapsed().as_secs_f64())
+        self.plan.image(py, made, &lock(&self.state).underway, seconds)
     }
 }

@@ -24,10 +24,14 @@ pub fn _pack_scene<'py>(
     py: Python<'py>,
     scene: &Bound<'py, Scene>,
 ) -> PyResult<Bound<'py, PyBytes>> {
+    Ok(PyBytes::new(py, packed(py, scene)?.as_bytes()))
+}
+
+/// All of a scene on which pictures depend, as text.
+pub fn packed<'py>(py: Python<'py>, scene: &Bound<'py, Scene>) -> PyResult<String> {
     let contents = scene.get().0.contents(py);
     let packed = run_to_end(py, move || text(&graph(&contents, Purpose::Picture)?))?;
-    let packed = packed.map_err(|e| PyValueError::new_err(format!("scene: {e}")))?;
-    Ok(PyBytes::new(py, packed.as_bytes()))
+    packed.map_err(|e| PyValueError::new_err(format!("scene: {e}")))
 }
 
 /// The scene of the bytes that [`_pack_scene`] has given.

@@ -88,7 +88,12 @@ impl Scene {
 
 /// True for a mesh whose vertices have colours.
 fn has_colors(kind: &Kind) -> bool {
-    matches!(kind, Kind::Mesh(mesh) if !mesh.attributes().colors.is_empty())
+    match kind {
+        Kind::Mesh(mesh) => !mesh.attributes().colors.is_empty(),
+        Kind::Spheres(spheres) => !spheres.colors.is_empty(),
+        Kind::Curves(curves) => !curves.colors().is_empty(),
+        _ => false,
+    }
 }
 
 #[pymethods]

@@ -318,6 +318,11 @@ impl CompiledScene {
         self.lights.environment
     }
 
+    /// True if there are media, in which rays may scatter before they hit anything.
+    pub fn has_media(&self) -> bool {
+        self.volumes.is_some()
+    }
+
     /// True if rays that leave the scene see black in every direction.
     pub fn is_dark_outside(&self) -> bool {
         let shown = match self.background {

@@ -16,6 +16,7 @@ use noise::NoiseMap;
 use rayon::prelude::*;
 use snell_math::Rgb;
 use snell_scene::{Layer, LayeredImage};
+use std::ops::Range;
 
 /// The number of samples of a pixel that are summed before the sum is added to the pixel. A render
 /// is split at multiples of it.
@@ -95,6 +96,13 @@ impl Film {
             }
         }
         Self { crop, noise_floor: Settings::NOISE_FLOOR, aovs: aovs.to_vec(), tiles }
+    }
+
+    /// These tiles of the film, without samples, as a film of their own; `None` if there are no
+    /// such tiles.
+    pub fn part(&self, tiles: Range<usize>) -> Option<Self> {
+        let tiles = self.tiles.get(tiles)?.iter().map(FilmTile::emptied).collect();
+        Some(Self { tiles, aovs: self.aovs.clone(), ..*self })
     }
 
     /// The AOVs that have layers.

@@ -27,3 +27,10 @@ impl Sensor {
         (self.0 * Vec3::from(light.to_array())).to_array().into()
     }
 }
+
+/// Shows the matrix, column by column.
+impl std::fmt::Display for Sensor {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(&self.0.to_cols_array().map(|x| x.to_string()).join(","))
+    }
+}

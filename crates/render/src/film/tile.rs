@@ -123,6 +123,12 @@ impl FilmTile {
         Self { area, layout, mean_weight, runs: Vec::new(), first, decided: Vec::new() }
     }
 
+    /// This tile without samples.
+    pub fn emptied(&self) -> Self {
+        let (runs, decided) = (Vec::new(), Vec::new());
+        Self { runs, first: vec![0.0; self.first.len()], decided, ..*self }
+    }
+
     /// What the tile has gathered.
     pub fn state(&self) -> TileState {
         let Self { runs, first, decided, .. } = self.clone();

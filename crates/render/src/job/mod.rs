@@ -4,6 +4,7 @@
 //! Threads take parts in a fixed order and fold them into the film tile by tile, in the order of
 //! the samples. The picture does not depend on which thread rendered which part.
 
+mod glance;
 mod journal;
 mod light_parts;
 mod part;
@@ -21,7 +22,8 @@ mod volumes;
 pub(crate) use journal::{Event, Journal, Shaded};
 pub use patience::{Pulse, with_patience};
 pub use saved::{
-    Fact, Header, MARK_BYTES, Origin, SavedError, TaskInput, fact, facts, may_be_checkpoint,
+    Difference, FRAME, Fact, Header, MARK_BYTES, Origin, SavedError, TaskInput, fact, facts,
+    may_be_checkpoint,
 };
 pub use task::{Split, Task, TaskResult};
 pub use tracer::{Recording, camera_filter, hit_filter};
@@ -95,6 +97,8 @@ pub struct Statistics {
     pub training_passes: u32,
     /// The time that training took.
     pub training: Duration,
+    /// The rays that training has traced; they are among `rays`.
+    pub training_rays: RayCounts,
     /// The number of trained regions of the guiding field.
     pub guiding_regions: u64,
     /// Memory use of the guiding field in bytes.
@@ -338,6 +342,7 @@ impl<'a> Job<'a> {
         let begin = Instant::now();
         let field = self.train(passes, threads, keep_going, &mut statistics);
         statistics.training = if field.is_some() { begin.elapsed() } else { Duration::ZERO };
+        statistics.training_rays = statistics.rays;
         (field, statistics)
     }
 

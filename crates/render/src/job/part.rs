@@ -306,7 +306,7 @@ impl<'a> PartRenderer<'a> {
     fn travel(&mut self, depth: u32, grouping: Grouping) {
         let Some(volumes) = &mut self.volumes else { return };
         if depth == 0 {
-            volumes.start(&self.paths);
+            volumes.start(&mut self.paths);
         }
         let (samples, facts) = (&mut self.samples, &mut self.facts);
         let (keys, sampler) = (&self.keys, self.sampler);

@@ -8,7 +8,8 @@
 
 use super::parts::{Parts, Ranges};
 use super::{
-    Job, Progress, Statistics, Tally, Underway, empty_film, into_inner, pixels, tile_order,
+    Job, Progress, RayCounts, Statistics, Tally, Underway, empty_film, into_inner, pixels,
+    tile_order,
 };
 use crate::film::tile::TileState;
 use crate::film::{BLOCK, noise};
@@ -141,8 +142,12 @@ impl Underway {
 }
 
 impl Statistics {
-    /// Adds what other samples have taken. All have the same training.
+    /// Adds what other samples have taken. All have the same training, whose rays count once.
     fn add(&mut self, other: &Self) {
+        if self.training_rays == RayCounts::default() {
+            self.rays += other.training_rays;
+            self.training_rays = other.training_rays;
+        }
         (self.training, self.training_passes) = (other.training, other.training_passes);
         (self.guiding_regions, self.guiding_bytes) = (other.guiding_regions, other.guiding_bytes);
         self.rays += other.rays;
@@ -167,8 +172,8 @@ impl Job<'_> {
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) -> Option<TaskResult> {
         let [first, end] = task.tiles.map(|tile| tile as usize);
-        let mut film = self.empty_film();
-        film.tiles = film.tiles.get(first..end)?.to_vec();
+        // A task costs only its own tiles, however large the picture is.
+        let mut film = underway.film.part(first..end)?;
         let counts: Vec<u64> = (first..end).map(|tile| underway.count(tile)).collect();
         let active = &underway.active[first..end];
         let [start, until] = task.samples;
@@ -196,6 +201,7 @@ impl Job<'_> {
         let statistics = Statistics {
             training: trained.training,
             training_passes: trained.training_passes,
+            training_rays: trained.training_rays,
             guiding_regions: trained.guiding_regions,
             guiding_bytes: trained.guiding_bytes,
             ..into_inner(tally.statistics)
@@ -308,6 +314,27 @@ mod tests {
             assert_eq!(taken.rays, statistics.rays);
             assert_eq!(taken.converged_pixels, statistics.converged_pixels);
         }
+    }
+
+    #[test]
+    fn the_rays_of_training_count_once() {
+        let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default())
+            .expect("a valid scene");
+        let guiding = Some(Guiding::with_passes(1));
+        let settings =
+            Settings { size: [40, 36], spp: 16, max_depth: 2, guiding, ..Settings::default() };
+        let job = Job::new(&compiled, &scene.cameras[0], &settings);
+        let mut worker = job.begin(1, &|_| true);
+        // It merges what others have rendered, and has trained nothing.
+        let mut merged = Underway::empty(&settings);
+        for task in merged.tasks(&settings, Split { tiles: 3, samples: None }) {
+            let result = job.perform(&mut worker, task, 1, &|_| true).expect("nothing ends it");
+            assert!(merged.add(through_a_file(&result)));
+        }
+        let whole = job.run(1, &|_| true).1;
+        assert!(whole.training_rays.total() > 0);
+        assert_eq!(merged.statistics.rays, whole.rays);
     }
 
     #[test]

@@ -47,6 +47,19 @@ pub struct VolumeBatch<'a> {
     homogeneous: Option<Box<HomogeneousBatch>>,
 }
 
+/// Moves the origin of a path's ray, and the hit with it, so that the interval of the ray begins at
+/// 0. Returns the origin.
+fn begun_at_interval(paths: &mut Paths, path: usize) -> Vec3 {
+    let (ray, carried) = (&mut paths.rays[path], &mut paths.carried[path]);
+    let begin = ray.t_min;
+    carried.cone_width += carried.cone_spread * begin;
+    (ray.origin, ray.t_min, ray.t_max) = (ray.at(begin), 0.0, ray.t_max - begin);
+    if let Some(hit) = paths.hits.get_mut(path) {
+        hit.t -= begin;
+    }
+    ray.origin
+}
+
 /// Rays that have not arrived yet.
 struct OnTheWay<'a> {
     /// The indices of the paths or light rays that the rays belong to.
@@ -146,11 +159,25 @@ impl<'a> VolumeBatch<'a> {
         })
     }
 
-    /// Starts a part with these camera paths.
-    pub fn start(&mut self, paths: &Paths) {
+    /// Starts a part with these camera paths. Those that a plane clips are moved to the plane, and
+    /// may begin inside of objects there.
+    pub fn start(&mut self, paths: &mut Paths) {
         self.known.clear();
         self.insides.clear();
         self.next.clear();
+        if paths.rays.iter().any(|ray| ray.t_min > 0.0) {
+            for path in 0..paths.len() {
+                let around = if paths.rays[path].t_min > 0.0 {
+                    self.walker.surfaces_around(begun_at_interval(paths, path))
+                } else {
+                    self.around_camera.clone()
+                };
+                let own = &mut self.known.own;
+                let insides = self.walker.insides_of(own, &around, paths.rest(path).mode);
+                self.insides.push(self.known.number(insides));
+            }
+            return;
+        }
         if self.around_camera.is_empty() {
             self.insides.resize(paths.len(), 0);
             return;

@@ -372,6 +372,19 @@ impl Request {
         self.guiding == Some(GuidingPasses::Auto) && self.time.is_some()
     }
 
+    /// The options of `snell render` that make the same request.
+    pub fn arguments(&self) -> Vec<String> {
+        let of_setting = |setting: &Setting| -> Vec<String> {
+            let option = setting.option();
+            let argument = |text: String| match text.is_empty() {
+                true => format!("--{option}"),
+                false => format!("--{option}={text}"),
+            };
+            (setting.texts)(self).into_iter().map(argument).collect()
+        };
+        Self::SETTINGS.iter().flat_map(of_setting).collect()
+    }
+
     /// The setting of this name; `None` if there is none.
     pub fn setting(name: &str) -> Option<&'static Setting> {
         Self::SETTINGS.iter().find(|setting| setting.name == name)

@@ -79,6 +79,8 @@ pub struct Setting {
     pub(super) check: fn(&Request) -> Option<[String; 2]>,
     /// The value of the field as text, or `None` if it is not set.
     pub(super) get: fn(&Request) -> Option<String>,
+    /// The values of the option on a command line that sets the field; none if it is not set.
+    pub(super) texts: fn(&Request) -> Vec<String>,
     /// Unsets the field.
     pub(super) clear: fn(&mut Request),
 }
@@ -232,6 +234,9 @@ macro_rules! settings {
                         request.$field.as_ref().and_then(|value| value.problem(RANGE))
                     },
                     get: |request| request.$field.as_ref().map(Wished::text),
+                    texts: |request| {
+                        request.$field.as_ref().map(Wished::texts).unwrap_or_default()
+                    },
                     clear: |request| request.$field = None,
                 }
             }),*];

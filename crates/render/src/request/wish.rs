@@ -92,10 +92,15 @@ pub(super) trait Wished: Sized {
         None
     }
 
-    /// The value as it is written on a command line; empty for types that the viewer does not
-    /// change.
+    /// The value as it is written on a command line; empty if the option alone says it.
     fn text(&self) -> String {
         String::new()
+    }
+
+    /// The values of the option on a command line, which may be given several times; none if it is
+    /// left out.
+    fn texts(&self) -> Vec<String> {
+        vec![self.text()]
     }
 
     /// The names to choose from; empty if the type is not a choice.
@@ -117,6 +122,10 @@ impl Wished for bool {
             Wish::Flag(flag) => Ok(Some(*flag)),
             _ => unlike("True or False"),
         }
+    }
+
+    fn texts(&self) -> Vec<String> {
+        if *self { vec![String::new()] } else { Vec::new() }
     }
 }
 
@@ -184,6 +193,10 @@ impl Wished for Duration {
             }
         }
     }
+
+    fn text(&self) -> String {
+        self.as_secs_f64().to_string()
+    }
 }
 
 /// The number of seconds in a text such as `90`, `30s`, `5m` or `1h30m`.
@@ -220,6 +233,10 @@ impl Wished for [u32; 2] {
         }
     }
 
+    fn text(&self) -> String {
+        self.map(|side| side.to_string()).join("x")
+    }
+
     fn problem(&self, range: Range) -> Option<[String; 2]> {
         let [low, high] = range.ends()?;
         let wrong = self.iter().find(|&&side| !range.contains(f64::from(side)))?;
@@ -238,6 +255,10 @@ impl Wished for Crop {
             }
             _ => Err(Problem::Value(format!("expected {EXPECTED}"))),
         }
+    }
+
+    fn text(&self) -> String {
+        [self.min, self.max].concat().iter().map(u32::to_string).collect::<Vec<_>>().join(",")
     }
 }
 
@@ -295,6 +316,13 @@ impl Wished for GuidingPasses {
         }
     }
 
+    fn text(&self) -> String {
+        match self {
+            Self::Auto => "auto".into(),
+            Self::Count(passes) => passes.text(),
+        }
+    }
+
     fn problem(&self, range: Range) -> Option<[String; 2]> {
         match self {
             Self::Auto => None,
@@ -317,6 +345,13 @@ impl Wished for Denoise {
             _ => unlike("True, False or a path"),
         }
     }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Found => String::new(),
+            Self::At(path) => path.display().to_string(),
+        }
+    }
 }
 
 impl Wished for PathBuf {
@@ -328,6 +363,10 @@ impl Wished for PathBuf {
             Wish::Text(text) if !text.is_empty() => Ok(Some(text.into())),
             _ => unlike("a folder"),
         }
+    }
+
+    fn text(&self) -> String {
+        self.display().to_string()
     }
 }
 
@@ -350,6 +389,10 @@ impl Wished for Vec<Aov> {
             return unlike("names of layers, such as depth,normal, or `all`");
         }
         Ok(Some(aovs))
+    }
+
+    fn text(&self) -> String {
+        self.iter().map(|aov| aov.name()).collect::<Vec<_>>().join(",")
     }
 
     fn choices() -> Vec<&'static str> {
@@ -380,12 +423,17 @@ impl Wished for Vec<(String, Vec<String>)> {
         };
         groups.map_or_else(|| unlike(expected), |groups| Ok(Some(groups)))
     }
+
+    fn texts(&self) -> Vec<String> {
+        self.iter().map(|(name, lights)| format!("{name}={}", lights.join(","))).collect()
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::Request;
     use super::*;
+    use std::collections::BTreeMap;
 
     fn set(name: &str, wish: &Wish) -> Result<Request, Problem> {
         let setting = Request::setting(name).expect("there is such a setting");
@@ -395,6 +443,43 @@ mod tests {
 
     fn text(name: &str, text: &str) -> Result<Request, Problem> {
         set(name, &Wish::Text(text.into()))
+    }
+
+    #[test]
+    fn the_arguments_of_a_request_make_the_same_one() {
+        let given = [
+            "--integrator=direct",
+            "--spp=16",
+            "--size=64x48",
+            "--time=90.5",
+            "--crop=1,2,30,40",
+            "--guiding=3",
+            "--clamp=0.1",
+            "--bvh-compact",
+            "--aov=depth,normal",
+            "--light-group=key=0,lamp",
+            "--light-group=sky=environment",
+            "--denoise",
+            "--exposure=-0.25",
+        ];
+        let mut request = Request::default();
+        let mut lists: BTreeMap<&str, Vec<Wish>> = BTreeMap::new();
+        for argument in given {
+            let (option, value) = argument[2..].split_once('=').unwrap_or((&argument[2..], ""));
+            let setting = Request::SETTINGS.iter().find(|s| s.option() == option);
+            let setting = setting.expect("there is such an option");
+            let wish = match setting.form {
+                Form::Flag => Wish::Flag(true),
+                Form::Lists => {
+                    let list = lists.entry(setting.name).or_default();
+                    list.push(Wish::Text(value.into()));
+                    Wish::List(list.clone())
+                }
+                _ => Wish::Text(value.into()),
+            };
+            setting.set(&mut request, &wish).expect("a possible value");
+        }
+        assert_eq!(request.arguments(), given);
     }
 
     #[test]

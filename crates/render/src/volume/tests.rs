@@ -104,6 +104,37 @@ fn clear_colours_of_glass_are_those_of_lambert_and_beer() {
 }
 
 #[test]
+fn of_a_medium_that_is_cut_open_only_what_is_left_absorbs() {
+    let sigma = 0.5;
+    let mut ball = Scene::new("absorbing ball");
+    sky(&mut ball, Rgb::splat(1.0));
+    let material = around(&mut ball, Homogeneous::absorbing(Rgb::splat(sigma)));
+    add_ball(&mut ball, DVec3::ZERO, 1.0, material);
+    let mut fog = Scene::new("fog");
+    sky(&mut fog, Rgb::splat(1.0));
+    fog.medium = Some(fog.add_medium(Homogeneous::absorbing(Rgb::splat(sigma))));
+    let glow = fog.add_material(
+        Material::new("wall", Diffuse { reflectance: Rgb::BLACK.into() }).emitting(Rgb::splat(1.0)),
+    );
+    add_box(&mut fog, DVec3::new(-9.0, -9.0, -3.0), DVec3::new(9.0, 9.0, -2.0), glow);
+    // The camera looks from z = 5 towards -z; what is above z = 0.25 is cut away, or below it.
+    for (scene, clip, length) in [
+        (&ball, [0.0, 0.0, -1.0, 0.25], 1.25),
+        (&ball, [0.0, 0.0, -2.0, 0.5], 1.25),
+        (&fog, [0.0, 0.0, -1.0, 0.25], 2.25),
+    ] {
+        let camera = Camera::look_at(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, Vec3::Y, 1e-4);
+        let camera = Camera { clip: Some(clip), ..camera };
+        for spp in [1, 16] {
+            for pixel in render(scene, &camera, &settings(spp)) {
+                let expected = f64::exp(-f64::from(sigma) * length);
+                assert!((pixel[0] - expected).abs() < 1e-4, "{} {pixel:?}", scene.name);
+            }
+        }
+    }
+}
+
+#[test]
 fn a_slab_scatters_once_what_the_integral_says() {
     // A directional light from the camera's side, 60 degrees off the normal.
     let (sigma_a, sigma_s, g) = (Rgb::new(0.2, 0.1, 0.0), Rgb::new(0.8, 0.4, 2.0), 0.4f32);

@@ -1,5 +1,6 @@
 //! Cameras: the map from a point on the film to a ray in the world, and back.
 
+mod clip;
 mod distortion;
 mod matrix;
 mod pinhole;
@@ -63,6 +64,11 @@ snell_math::declare! {
         #[range(Range::Positive)]
         #[unit("pixels")]
         pub resolution: Option<[u32; 2]>,
+        /// A plane `[a, b, c, d]` that cuts the scene open: of what the camera sees directly, only
+        /// points with `a x + b y + c z + d >= 0` are left. Light, shadows and reflections are
+        /// those of the whole scene.
+        #[range(Range::Within(-FARTHEST, FARTHEST))]
+        pub clip: Option<[f64; 4]>,
     }
 }
 
@@ -111,6 +117,7 @@ impl Camera {
             aperture_radius: 0.0,
             focus_distance: 1.0,
             resolution: None,
+            clip: None,
         }
     }
 
@@ -203,7 +210,8 @@ impl Camera {
         let direction = right * direction.x + up * direction.y + self.towards * direction.z;
         let direction = unit(direction).unwrap_or(self.towards);
         let origin = self.eye + right * origin.x + up * origin.y;
-        (weight > 0.0).then(|| DRay::new(origin, direction))
+        let ray = DRay::new(origin, direction);
+        (weight > 0.0).then(|| self.clip.map_or(ray, |plane| clip::clipped(&ray, plane)))
     }
 
     fn local_ray(&self, film: DVec2, size: [u32; 2]) -> LocalRay {
@@ -329,6 +337,16 @@ impl<'a> CameraView<'a> {
     /// The ray through a point of the film and of the lens.
     #[inline]
     pub fn ray(&self, sample: &CameraSample) -> CameraRay {
+        let whole = self.whole_ray(sample);
+        match self.camera.clip {
+            Some(plane) => CameraRay { ray: clip::clipped_single(&whole.ray, plane), ..whole },
+            None => whole,
+        }
+    }
+
+    /// The ray without regard to [`Camera::clip`].
+    #[inline]
+    fn whole_ray(&self, sample: &CameraSample) -> CameraRay {
         let camera = self.camera;
         if let (Some(pinhole), Some(lens)) = (&self.pinhole, &self.lens) {
             let (origin, direction, spread, is_usual) = lens.ray(pinhole, sample.film, sample.lens);
@@ -359,7 +377,7 @@ impl<'a> CameraView<'a> {
 
     /// Computes [`Self::ray`] for many points of the picture and of the lens (x and y of each),
     /// with the same bits. Returns false, and no valid rays, unless all are ordinary rays of a flat
-    /// view.
+    /// view that is not clipped.
     pub fn many_rays<const N: usize>(
         &self,
         film: &[[f64; N]; 2],
@@ -368,6 +386,9 @@ impl<'a> CameraView<'a> {
         rays: &mut CameraRays<N>,
     ) -> bool {
         let Some(pinhole) = &self.pinhole else { return false };
+        if self.camera.clip.is_some() {
+            return false;
+        }
         if let Some(lens) = &self.lens {
             return at_level!(
                 wide,

@@ -69,6 +69,28 @@ fn central_rays_keep_double_precision_far_from_zero() {
 }
 
 #[test]
+fn a_clipped_camera_has_the_same_rays_beyond_its_plane() {
+    // Of the sight from z = 3 towards -z only what is below z = 1 is left.
+    for whole in examples() {
+        let camera = Camera { clip: Some([0.0, 0.0, -1.0, 1.0]), ..whole.clone() };
+        for i in 0..50 {
+            let film = uniform2([i, 1, 0, 0]).as_dvec2() * DVec2::new(640.0, 360.0);
+            let (before, after) = (ray(&whole, film, SIZE), ray(&camera, film, SIZE));
+            assert_eq!(
+                (before.ray.origin, before.ray.direction, before.weight, before.spread),
+                (after.ray.origin, after.ray.direction, after.weight, after.spread)
+            );
+            if after.ray.direction.z < -1e-3 {
+                assert!((after.ray.at(after.ray.t_min).z - 1.0).abs() < 1e-4);
+                assert_eq!(after.ray.t_max, f32::INFINITY);
+            } else if before.ray.origin.z > 1.0 && after.ray.direction.z > 0.0 {
+                assert!(!after.ray.is_valid());
+            }
+        }
+    }
+}
+
+#[test]
 fn rays_pass_through_the_points_that_project_to_their_pixel() {
     for camera in examples() {
         for i in 0..200 {

@@ -399,6 +399,11 @@ snell_math::declare! {
 }
 
 impl Material {
+    /// A white matte material without a name, which shows the colours of vertices as they are.
+    pub fn white() -> Self {
+        Self::new("", Diffuse::new(Rgb::WHITE))
+    }
+
     /// A material with the parameters of `kind` and defaults for all others. Emission, opacity and
     /// normals of an [`OpenPbr`] are moved to the material.
     pub fn new(name: impl Into<String>, kind: impl Into<MaterialKind>) -> Self {

@@ -5,40 +5,52 @@ use crate::progress::duration;
 use serde_json::json;
 use snell_formats::error::one_line;
 use snell_formats::image::{WriteOptions, write_image};
+use snell_persist::{Checkpoint, Found};
 use snell_render::{Header, MARK_BYTES, SavedError, may_be_checkpoint};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// The description of a checkpoint; `None` if the file is none.
-pub fn described(path: &Path, as_json: bool) -> Result<Option<String>, Failure> {
-    // A pipe can be read only once, and what cannot be opened is reported by the reader of scenes.
-    if !path.is_file() {
+/// The extension by which a file is taken for a checkpoint.
+const EXTENSION: &str = "snellr";
+
+/// The longest value that is shown.
+const MOST_SHOWN: usize = 300;
+
+/// The checkpoint at `path`, or the one before it if that is not whole; `None` if the file is none.
+pub fn found(path: &Path) -> Result<Option<Found>, Failure> {
+    // A pipe can be read only once.
+    if path.exists() && !path.is_file() {
         return Ok(None);
     }
-    let Ok(file) = File::open(path) else { return Ok(None) };
-    let mut input = BufReader::new(file);
-    let read = Header::read(&mut input).and_then(|header| {
-        header.check_rest(&mut input)?;
-        Ok(header)
-    });
-    match read {
-        Ok(header) if as_json => Ok(Some(format!("{:#}\n", as_value(&header)))),
-        Ok(header) => Ok(Some(text(&header))),
-        Err(error @ (SavedError::Version(..) | SavedError::Damaged(_))) if has_mark(path) => {
-            let shown = one_line(&path.display().to_string()).into_owned();
-            Err(Failure::Other(format!("{shown}: {error}")))
-        }
-        Err(_) => Ok(None),
+    let is_named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION));
+    let found = match Checkpoint::find(path) {
+        Ok(found) => found,
+        Err(error) if is_named || has_mark(path) => return Err(failed(path, &error)),
+        // What cannot be opened is reported by the reader of scenes.
+        Err(_) => return Ok(None),
+    };
+    if let Some(warning) = &found.warning {
+        eprintln!("warning: {warning}");
+    }
+    Ok(Some(found))
+}
+
+fn failed(path: &Path, error: &SavedError) -> Failure {
+    Failure::Other(format!("{}: {error}", one_line(&path.display().to_string())))
+}
+
+/// The description of a checkpoint.
+pub fn described(header: &Header, as_json: bool) -> String {
+    match as_json {
+        true => format!("{:#}\n", as_value(header)),
+        false => text(header),
     }
 }
 
 /// Writes the picture that a checkpoint holds so far, without exposure and tone map.
 pub fn write_picture(path: &Path, picture: &Path) -> Result<(), Failure> {
-    let failed = |error: SavedError| {
-        let shown = one_line(&path.display().to_string()).into_owned();
-        Failure::Other(format!("{shown}: {error}"))
-    };
+    let failed = |error: SavedError| failed(path, &error);
     let mut input = BufReader::new(File::open(path).map_err(|error| failed(error.into()))?);
     let header = Header::read(&mut input).map_err(failed)?;
     let film = header.film(&mut input).map_err(failed)?;
@@ -94,7 +106,10 @@ fn text(header: &Header) -> String {
     }
     text += "it depends on\n";
     for (name, value) in &header.facts {
-        text += &format!("  {}: {}\n", one_line(name), one_line(value));
+        let value = one_line(value);
+        let shown: String = value.chars().take(MOST_SHOWN).collect();
+        let more = if shown.len() < value.len() { "…" } else { "" };
+        text += &format!("  {}: {shown}{more}\n", one_line(name));
     }
     text
 }

@@ -4,23 +4,31 @@
 //! plan.json                      what is rendered, and how it is split into tasks
 //! scene-HASH.snell               the whole scene
 //! frames/00000/                  the first picture
-//!   finished                     there once all of its results are
+//!   finished                     there once all of its results were
 //!   guiding.field                what path guiding has learnt, if it is asked for
 //!   0000000/                     its round from sample 0 on
 //!     00012-0000000.result       what the task from tile 12 and sample 0 on has given
 //!     00012-0000000.lease        the worker that has taken this task
 //!     00012-0000000.NAME.other   a second result, which differs from the first
+//!     NAME.useless               a file that was set aside, because it is damaged or foreign
 //!     end.state                  the film after the round, if pixels stop by their error
 //! ```
 
+use super::{shown, word};
 use crate::command::render::output::{hex, sha256_of_file};
-use crate::command::render::{self, frames::Frame, receipt, stage::Stage};
+use crate::command::render::{
+    self,
+    frames::{Frame, digits},
+    receipt,
+    stage::Stage,
+};
 use crate::failure::Failure;
 use serde::{Deserialize, Serialize};
-use snell_formats::error::one_line;
 use snell_formats::{ReadOptions, atomic};
+use snell_persist::Receipt;
 use snell_render::{Split, Task};
 use snell_scene::{Scene, Warning, WarningKind};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// The file that describes the plan.
@@ -51,6 +59,9 @@ pub struct Plan {
     pub warnings: Vec<String>,
     /// The number of pictures.
     pub frames: u32,
+    /// The number of the first picture in the names of files; `None` if there is one, without a
+    /// number.
+    pub first_number: Option<i64>,
     /// Width and height of a picture in pixels.
     pub size: [u32; 2],
     /// Tiles of a picture.
@@ -66,7 +77,7 @@ pub struct Plan {
     /// The name of the scene.
     pub scene_name: String,
     /// The receipt of the picture without its tiles.
-    pub receipt: render::receipt::Receipt,
+    pub receipt: Receipt,
     /// The SHA-256 of all other fields.
     #[serde(default)]
     pub fingerprint: String,
@@ -86,12 +97,12 @@ pub struct Round {
 }
 
 fn failed(path: &Path, problem: impl std::fmt::Display) -> Failure {
-    Failure::Other(format!("{}: {problem}", one_line(&path.display().to_string())))
+    Failure::Other(format!("{}: {problem}", shown(path)))
 }
 
 /// An error that trying again does not mend.
 fn hopeless(path: &Path, problem: impl std::fmt::Display) -> Failure {
-    Failure::Usage(format!("{}: {problem}", one_line(&path.display().to_string())))
+    Failure::Usage(format!("{}: {problem}", shown(path)))
 }
 
 impl Folder {
@@ -122,10 +133,16 @@ impl Folder {
     /// Opens the folder of a plan of this version of Snell.
     pub fn open(path: &Path) -> Result<Self, Failure> {
         let file = path.join(FILE);
+        if path.is_file() {
+            return Err(hopeless(path, "this is a file; give the folder of a plan"));
+        }
         let text = match std::fs::read_to_string(&file) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound && path.is_dir() => {
                 let problem = "there is no plan in this folder; make one with snell plan SCENE -o";
-                return Err(hopeless(path, format!("{problem} {}", path.display())));
+                return Err(hopeless(path, format!("{problem} {}", word(path))));
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Err(failed(path, "there is no such folder"));
             }
             read => read.map_err(|error| failed(&file, error))?,
         };
@@ -164,7 +181,7 @@ impl Folder {
         if found != self.plan.bundle_sha256 {
             let problem =
                 "this is not the scene of the plan (its SHA-256 differs); copy the folder";
-            return Err(failed(&path, format!("{problem} again, or make the plan anew")));
+            return Err(hopeless(&path, format!("{problem} again, or make the plan anew")));
         }
         let mut scene = snell_formats::read_scene(&path, &ReadOptions::default())?;
         scene.name.clone_from(&self.plan.scene_name);
@@ -185,16 +202,20 @@ impl Folder {
         Ok(frames)
     }
 
+    /// False if the plan is gone: its folder was moved or removed, or its share is away.
+    pub fn is_there(&self) -> bool {
+        self.path.join(FILE).is_file()
+    }
+
     /// Makes a folder in that of the plan, if it is not there yet.
     ///
     /// # Errors
     /// If the plan itself is gone: a folder that was removed must not come back half.
     pub fn make(&self, path: &Path) -> std::io::Result<()> {
-        if !self.path.join(FILE).is_file() {
-            let problem = "the plan is gone from its folder";
-            return Err(std::io::Error::new(std::io::ErrorKind::NotFound, problem));
+        match self.is_there() {
+            true => std::fs::create_dir_all(path),
+            false => Err(std::io::ErrorKind::NotFound.into()),
         }
-        std::fs::create_dir_all(path)
     }
 
     /// The folder of a picture.
@@ -212,14 +233,19 @@ impl Folder {
         self.frame(frame).join("guiding.lease")
     }
 
-    /// The file that says that all results of a picture are there.
+    /// The file that says that all results of a picture were there once.
     fn finished(&self, frame: u32) -> PathBuf {
         self.frame(frame).join("finished")
     }
 
-    /// True if all results of a picture are known to be there.
+    /// True if all results of a picture were there once, and still are, by their names.
     pub fn is_finished(&self, frame: u32) -> bool {
         self.finished(frame).is_file()
+            && match self.plan.has_rounds {
+                // The film after the last round has all of its results.
+                true => self.newest_round(frame).is_some_and(|round| round.end().is_file()),
+                false => self.round(frame, 0).results() >= self.plan.tasks as usize,
+            }
     }
 
     /// Notes that all results of a picture are there.
@@ -256,6 +282,22 @@ impl Plan {
     fn computed_fingerprint(&self) -> String {
         let bare = Self { fingerprint: String::new(), ..self.clone() };
         hex(serde_json::to_string(&bare).unwrap_or_default().as_bytes())
+    }
+
+    /// The name of a picture in messages: the number in the name of its file; `None` if there is
+    /// one picture, without a number.
+    pub fn name_of(&self, frame: u32) -> Option<String> {
+        let number = self.first_number? + i64::from(frame);
+        Some(format!("picture {}", digits(number, 4)))
+    }
+
+    /// The number of a task among all of the plan, by its number in its round. The tasks of plans
+    /// with several rounds have no others.
+    pub fn number_of(&self, frame: u32, task: u32) -> u64 {
+        match self.has_rounds {
+            true => task.into(),
+            false => u64::from(frame) * u64::from(self.tasks) + u64::from(task),
+        }
     }
 
     /// The facts on which the film of a picture depends, for its state between two rounds.
@@ -299,8 +341,17 @@ impl Round {
     }
 
     /// The names of all files of the round; none if it has not begun.
-    pub fn names(&self) -> std::collections::BTreeSet<String> {
+    pub fn names(&self) -> BTreeSet<String> {
+        self.all_names().collect()
+    }
+
+    /// The number of results.
+    fn results(&self) -> usize {
+        self.all_names().filter(|name| name.ends_with(".result")).count()
+    }
+
+    fn all_names(&self) -> impl Iterator<Item = String> {
         let entries = std::fs::read_dir(&self.path).into_iter().flatten().flatten();
-        entries.filter_map(|entry| entry.file_name().into_string().ok()).collect()
+        entries.filter_map(|entry| entry.file_name().into_string().ok())
     }
 }

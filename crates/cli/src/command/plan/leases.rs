@@ -132,9 +132,16 @@ impl Drop for Lease {
     }
 }
 
-/// The content of a lease. It never becomes shorter, so that it can be changed in place.
+/// The content of a lease: JSON whose length never changes, so that it can be changed in place.
 fn content(worker: &str, beat: u64) -> String {
-    format!("{{\"worker\": {worker:?}, \"beat\": {beat:020}}}\n")
+    format!("{{\"worker\": {worker:?}, \"beat\": \"{beat:020}\"}}\n")
+}
+
+/// The worker that has a lease, if it can be read.
+pub fn worker_of(path: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let value: serde_json::Value = serde_json::from_str(&text).ok()?;
+    value["worker"].as_str().map(String::from)
 }
 
 /// True if a lease is that of this worker.
@@ -154,6 +161,7 @@ mod tests {
         let patience = Duration::from_millis(400);
         let (a, mut b) = (Leases::new("a", patience), Leases::new("b", patience));
         let lease = a.take(&path).expect("it is writable").expect("nobody has it");
+        assert_eq!(worker_of(&path).as_deref(), Some("a"));
         assert!(b.take(&path).expect("it is readable").is_none());
         let start = Instant::now();
         while start.elapsed() < 2 * patience {

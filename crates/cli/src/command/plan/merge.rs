@@ -2,12 +2,12 @@
 
 use super::folder::Folder;
 use super::results::{self, Gaps};
-use crate::command::render::receipt::Receipt;
+use super::{shown, word};
 use crate::command::render::{self, Merged, again};
 use crate::failure::Failure;
 use crate::threads;
-use snell_formats::error::one_line;
-use snell_render::{Film, Header, Job, SavedError, Statistics, Underway};
+use snell_persist::{Checkpoint, Found, Receipt};
+use snell_render::{Difference, Film, Job, SavedError, Statistics, Underway};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -54,8 +54,17 @@ impl Options {
 
 /// Puts the picture together.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
-    if options.folders.iter().all(|path| path.is_file()) {
+    let is_checkpoint = |path: &PathBuf| !path.is_dir() && Checkpoint::is_at(path);
+    if options.folders.iter().all(is_checkpoint) {
         return merge_checkpoints(options);
+    }
+    if let Some(path) = options.folders.iter().find(|path| !path.exists() && !is_checkpoint(path)) {
+        let problem = "there is no folder of a plan and no checkpoint of this name";
+        return Err(Failure::Other(format!("{}: {problem}", shown(path))));
+    }
+    if let Some(path) = options.folders.iter().find(|path| is_checkpoint(path)) {
+        let problem = "this is a file; merge either folders of a plan or checkpoints";
+        return Err(Failure::Usage(format!("{}: {problem}", shown(path))));
     }
     if options.scene.is_some() {
         let problem = "--scene is for checkpoints; a plan has its scene in its folder";
@@ -72,6 +81,10 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
             first.path.display(),
             other.path.display()
         )));
+    }
+    if options.resume && first.plan.first_number.is_none() {
+        let problem = "--resume is for animations, and this plan has one picture";
+        return Err(Failure::Usage(problem.into()));
     }
     let default = PathBuf::from(&first.plan.picture);
     let render_options = with_output(options, first.render_options()?, default);
@@ -98,38 +111,41 @@ fn with_output(
 
 /// Writes the picture of the samples of all checkpoints, which are of one render.
 fn merge_checkpoints(options: &Options) -> Result<ExitCode, Failure> {
-    let shown = |path: &Path| one_line(&path.display().to_string()).into_owned();
+    if options.resume {
+        return Err(Failure::Usage("--resume is for the pictures of a plan".into()));
+    }
     let problem = |path: &Path, error: SavedError| match error {
-        SavedError::Io(_) | SavedError::Damaged(_) => {
-            Failure::Other(format!("{}: {error}", shown(path)))
-        }
+        SavedError::Io(_) => Failure::Other(format!("{}: {error}", shown(path))),
+        // Trying again does not help.
         _ => Failure::Usage(format!("{}: {error}", shown(path))),
     };
-    let open = |path: &PathBuf| File::open(path).map(BufReader::new).map_err(SavedError::Io);
-    let headers: Vec<Header> = options
-        .folders
-        .iter()
-        .map(|path| {
-            let header = open(path).and_then(|mut input| Header::read(&mut input));
-            header.map_err(|error| problem(path, error))
-        })
-        .collect::<Result<_, _>>()?;
+    let find = |path: &PathBuf| Checkpoint::find(path).map_err(|error| problem(path, error));
+    let found: Vec<Found> = options.folders.iter().map(find).collect::<Result<_, _>>()?;
+    if !options.quiet {
+        let warnings = found.iter().filter_map(|found| found.warning.as_ref());
+        warnings.for_each(|warning| eprintln!("warning: {warning}"));
+    }
     // The largest number of samples holds the samples of the others.
-    let samples = |&i: &usize| (headers[i].spp, std::cmp::Reverse(i));
-    let most = (0..headers.len()).max_by_key(samples).unwrap_or_default();
-    let (first, facts) = (&options.folders[most], &headers[most].facts);
-    let receipt = Receipt::parse(&headers[most].note)?;
-    let scene = options.scene.clone().unwrap_or_else(|| again::named_scene(&receipt, first));
+    let Some(first) = found.iter().rev().max_by_key(|found| found.header.spp) else {
+        return Err(Failure::Usage("name a checkpoint".into()));
+    };
+    let other = |found: &Found| found.header.difference(&first.header.facts);
+    if let Some((found, difference)) = found.iter().find_map(|f| other(f).map(|d| (f, d))) {
+        return Err(unlike(first, found, &difference));
+    }
+    let facts = &first.header.facts;
+    let receipt = Receipt::parse(&first.header.note)?;
+    let scene = options.scene.clone().unwrap_or_else(|| again::named_scene(&receipt, &first.path));
     let (render_options, scene) = again::scene_of(&receipt, &scene)?;
     let default = PathBuf::from(&receipt.scene).with_extension("png");
     let default = PathBuf::from(default.file_name().unwrap_or_default());
     let render_options = with_output(options, render_options, default);
     let film = |job: &Job, _: u32| -> Result<(Film, Statistics), Failure> {
         let mut all: Option<Underway> = None;
-        for path in &options.folders {
+        for Found { path, .. } in &found {
             let mut underway = Underway::empty(job.settings());
-            open(path)
-                .and_then(|mut input| underway.replace_film(job.settings(), &mut input, facts))
+            let file = File::open(path).map(BufReader::new).map_err(SavedError::Io);
+            file.and_then(|mut input| underway.replace_film(job.settings(), &mut input, facts))
                 .map_err(|error| problem(path, error))?;
             match &mut all {
                 Some(all) => all.merge(underway),
@@ -139,7 +155,8 @@ fn merge_checkpoints(options: &Options) -> Result<ExitCode, Failure> {
         let all = all.ok_or_else(|| Failure::Usage("name a checkpoint".into()))?;
         if !all.statistics.is_complete && !options.quiet {
             eprintln!(
-                "warning: the picture has {} of {} samples; --resume goes on with it",
+                "warning: the picture has {} of {} samples; snell render goes on with the \
+                 checkpoint, by --checkpoint and --resume",
                 all.film.least_samples(),
                 job.settings().spp
             );
@@ -152,6 +169,18 @@ fn merge_checkpoints(options: &Options) -> Result<ExitCode, Failure> {
         true => again::one(&render_options, scene, &merged).map(|()| ExitCode::SUCCESS),
         false => render::finish(&render_options, scene, &merged),
     }
+}
+
+/// The error of checkpoints of different pictures.
+fn unlike(a: &Found, b: &Found, difference: &Difference) -> Failure {
+    let value = |value: &Option<String>| value.clone().unwrap_or_else(|| "not given".into());
+    let [a, b] = [a, b].map(|found| shown(&found.path));
+    let Difference { name, then, now } = difference;
+    let how = match difference.is_short() {
+        true => format!("{name} is {} in the first and {} in the second", value(now), value(then)),
+        false => format!("{name} differs"),
+    };
+    Failure::Usage(format!("{a} and {b} are of different pictures: {how}"))
 }
 
 /// The film of a picture, from the results in the folders.
@@ -167,42 +196,42 @@ fn film(job: &Job, frame: u32, folders: &[Folder]) -> Result<(Film, Statistics),
     if !underway.tasks(settings, split).is_empty() {
         let gaps = results::add_round(&mut underway, settings, &all, frame);
         if !gaps.is_empty() {
-            return Err(unfinished(&gaps, round, frame, all[0]));
+            return Err(unfinished(gaps, round, frame, all[0]));
         }
         job.end_round(&mut underway);
         if !underway.tasks(settings, split).is_empty() {
-            return Err(unfinished(&gaps, round, frame, all[0]));
+            return Err(unfinished(gaps, round, frame, all[0]));
         }
     }
     Ok((underway.film, underway.statistics))
 }
 
-/// The error of a picture whose results are not all there.
-fn unfinished(gaps: &Gaps, round: u32, frame: u32, folder: &Folder) -> Failure {
-    let picture = match folder.plan.frames {
-        1 => String::new(),
-        _ => format!("picture {}: ", frame + 1),
-    };
-    let path = folder.path.display();
-    if let Some(problem) = gaps.problems.first() {
-        let more = match gaps.problems.len() - 1 {
+/// The error of a picture whose results are not all there. Useless files are set aside.
+fn unfinished(gaps: Gaps, round: u32, frame: u32, folder: &Folder) -> Failure {
+    let plan = &folder.plan;
+    let picture = plan.name_of(frame).map_or(String::new(), |name| format!("{name}: "));
+    let (tasks, missing) = (gaps.tasks, gaps.missing.clone());
+    let problems = gaps.set_aside();
+    if let Some(problem) = problems.first() {
+        let more = match problems.len() - 1 {
             0 => String::new(),
             more => format!(" (and {more} more of such problems)"),
         };
         return Failure::Other(format!("{picture}{problem}{more}"));
     }
-    let named: Vec<String> = gaps.missing.iter().take(NAMED).map(u32::to_string).collect();
-    let more = if gaps.missing.len() > NAMED { " and others" } else { "" };
-    let of_round = match folder.plan.has_rounds {
+    let number = |&task: &u32| plan.number_of(frame, task).to_string();
+    let named: Vec<String> = missing.iter().take(NAMED).map(number).collect();
+    let more = if missing.len() > NAMED { " and others" } else { "" };
+    let of_round = match plan.has_rounds {
         true => format!(" of the round from sample {round}"),
         false => String::new(),
     };
-    Failure::Other(match gaps.missing.len() {
-        0 => format!("{path}: {picture}the last round is not ended; run snell work {path}"),
+    let (path, command) = (shown(&folder.path), word(&folder.path));
+    Failure::Other(match missing.len() {
+        0 => format!("{path}: {picture}the last round is not ended; run snell work {command}"),
         count => format!(
-            "{path}: {picture}{count} of {} tasks{of_round} have no result ({}{more}); run snell \
-             work {path}",
-            gaps.tasks,
+            "{path}: {picture}{count} of {tasks} tasks{of_round} have no result ({}{more}); run \
+             snell work {command}",
             named.join(", ")
         ),
     })

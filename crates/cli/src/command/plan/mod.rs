@@ -13,7 +13,9 @@ use crate::command::matches;
 use crate::command::render::{self, receipt};
 use crate::failure::Failure;
 use crate::scene_source;
+use clap::parser::ValueSource;
 use folder::{Folder, Plan};
+use snell_formats::error::one_line;
 use snell_math::simd::Level;
 use snell_render::{Split, Underway};
 use std::path::{Path, PathBuf};
@@ -29,6 +31,11 @@ const MOST_TASKS: u32 = 256;
     args_conflicts_with_subcommands = true,
     override_usage = USAGE,
     after_help = EXAMPLES,
+    mut_arg("output", |output| output.value_name("FOLDER").help(FOLDER).help_heading(PLAN)),
+    mut_args(|arg| match REFUSED.contains(&arg.get_id().as_str()) {
+        true => arg.hide(true),
+        false => arg,
+    }),
 )]
 pub struct Options {
     #[command(subcommand)]
@@ -41,7 +48,7 @@ pub struct Options {
         long,
         value_name = "N",
         value_parser = clap::value_parser!(u32).range(1..),
-        help_heading = "The plan",
+        help_heading = PLAN,
     )]
     tiles_per_task: Option<u32>,
     /// Samples per pixel in a task, a multiple of 16, for few pixels with very many samples.
@@ -50,10 +57,20 @@ pub struct Options {
         long,
         value_name = "N",
         value_parser = clap::value_parser!(u32).range(1..),
-        help_heading = "The plan",
+        help_heading = PLAN,
     )]
     samples_per_task: Option<u32>,
 }
+
+/// The heading of the options that only a plan has.
+const PLAN: &str = "The plan";
+
+/// What `--output` is.
+const FOLDER: &str = "New folder for the plan, which all machines see. It must be given";
+
+/// Options of `snell render` that make no sense for a plan.
+const REFUSED: [&str; 6] =
+    ["time", "checkpoint", "checkpoint_interval", "preview", "resume", "stats"];
 
 /// The three ways to call the sub-command.
 const USAGE: &str = "snell plan [OPTIONS] [SCENE] --output <FOLDER>
@@ -134,13 +151,14 @@ fn make(options: &Options) -> Result<ExitCode, Failure> {
         picture: stem.to_string_lossy().into_owned() + ".png",
         warnings,
         frames: frames.len() as u32,
+        first_number: frames.first().map(|frame| frame.number).filter(|_| render.has_frames()),
         size: settings.size,
         tiles,
         spp: settings.spp,
         has_rounds: settings.noise.is_some(),
         split,
         tasks,
-        receipt: receipt::Receipt::new(render, &matches),
+        receipt: receipt::of_options(render, &matches),
         scene_name: bundle.name.clone(),
         ..Plan::default()
     };
@@ -162,24 +180,20 @@ fn plan_folder(render: &render::Options) -> Result<&Path, Failure> {
              --noise with an upper limit by --spp",
         ));
     }
-    for (is_given, option) in [
-        (render.checkpoint.is_some(), "--checkpoint"),
-        (render.checkpoint_interval.is_some(), "--checkpoint-interval"),
-        (render.resume, "--resume"),
-        (render.stats.is_some(), "--stats"),
-        (render.tev().is_some(), "--display tev"),
-    ] {
-        if is_given {
-            return Err(Failure::Usage(format!(
-                "{option} is no option of a plan: what is done is in its folder, and snell merge \
-                 writes the picture"
-            )));
-        }
+    let given = matches("plan")?;
+    let is_given = |id: &&str| given.value_source(id) == Some(ValueSource::CommandLine);
+    let refused = REFUSED.into_iter().find(is_given).or(render.tev().map(|_| "display tev"));
+    if let Some(option) = refused {
+        return Err(Failure::Usage(format!(
+            "--{} is no option of a plan: what is done is in its folder, and snell merge writes \
+             the picture",
+            option.replace('_', "-")
+        )));
     }
     if Folder::is_at(path) {
-        let path = path.display();
+        let (shown, path) = (shown(path), word(path));
         return Err(Failure::Usage(format!(
-            "{path}: there is a plan in this folder; work on it with snell work {path}, or give \
+            "{shown}: there is a plan in this folder; work on it with snell work {path}, or give \
              another folder"
         )));
     }
@@ -232,20 +246,42 @@ fn baked_options(render: &render::Options) -> render::Options {
 }
 
 fn say(folder: &Folder) {
-    let (plan, path) = (&folder.plan, folder.path.display().to_string());
-    // The commands are to be copied.
-    let path = if path.contains(' ') { format!("\"{path}\"") } else { path };
+    let (plan, path) = (&folder.plan, word(&folder.path));
     let [width, height] = plan.size;
     let pictures = match plan.frames {
         1 => "a picture".to_string(),
         count => format!("{count} pictures"),
     };
     let tasks = u64::from(plan.tasks) * u64::from(plan.frames);
+    let tasks = if tasks == 1 { "1 task".into() } else { format!("{tasks} tasks") };
     let rounds = if plan.has_rounds { " in the first round" } else { "" };
-    eprintln!("{path}: {pictures} of {width}x{height} pixels, {tasks} tasks{rounds}");
+    eprintln!("{path}: {pictures} of {width}x{height} pixels, {tasks}{rounds}");
     eprintln!(
         "Next: `snell work {path}` on every machine that sees the folder, then `snell merge {path}`"
     );
+}
+
+/// A path in a message.
+fn shown(path: &Path) -> String {
+    one_line(&path.display().to_string()).into_owned()
+}
+
+/// A path as one word of a command that is to be copied.
+fn word(path: &Path) -> String {
+    let text = shown(path);
+    // It is no option.
+    let text = if text.starts_with('-') { format!("./{text}") } else { text };
+    let is_plain = |c: char| c.is_alphanumeric() || "/\\._-:+@%,=".contains(c);
+    match (text.chars().all(is_plain) && !text.is_empty(), cfg!(windows)) {
+        (true, _) => text,
+        (false, true) => format!("\"{text}\""),
+        (false, false) => shell(&text),
+    }
+}
+
+/// A text as one word of a Unix shell.
+fn shell(text: &str) -> String {
+    format!("'{}'", text.replace('\'', r"'\''"))
 }
 
 /// The path of a folder on the command line.
@@ -254,4 +290,19 @@ pub struct FolderOption {
     /// Folder of a plan that `snell plan` has made
     #[arg(value_name = "FOLDER")]
     pub folder: PathBuf,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_path_in_a_command_is_one_word_and_no_option() {
+        let word = |path: &str| word(Path::new(path));
+        assert_eq!(word("a/b-1.x"), "a/b-1.x");
+        assert_eq!(word("-eq"), "./-eq");
+        assert_eq!(word("my plan"), "'my plan'");
+        assert_eq!(word("it's $HOME"), r"'it'\''s $HOME'");
+    }
 }

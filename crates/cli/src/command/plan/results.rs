@@ -1,14 +1,17 @@
 //! The results of tasks in the folder of a plan.
 
 use super::folder::{Folder, Round};
+use super::shown;
 use crate::failure::Failure;
 use snell_formats::atomic;
-use snell_formats::error::one_line;
 use snell_render::{Fact, Origin, SavedError, Settings, Task, TaskResult, Underway};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufReader, ErrorKind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// The number of useless files in one place that are kept.
+const MOST_ASIDE: u32 = 100;
 
 /// What was found in the place of a result.
 pub enum Found {
@@ -18,6 +21,8 @@ pub enum Found {
     Missing,
     /// A file that is no result of the task, and why.
     Useless(String),
+    /// A file that cannot be read, and why.
+    Unreadable(std::io::Error),
 }
 
 /// Reads the result of a task from a file.
@@ -27,6 +32,7 @@ pub fn read(path: &Path, folder: &Folder, frame: u32, task: &Task) -> Found {
         .and_then(|file| TaskResult::load(&mut BufReader::new(file)));
     match read {
         Err(SavedError::Io(error)) if error.kind() == ErrorKind::NotFound => Found::Missing,
+        Err(SavedError::Io(error)) => Found::Unreadable(error),
         Err(error) => Found::Useless(error.to_string()),
         Ok((Origin { plan, frame: of, worker }, result)) => {
             if plan != folder.plan.fingerprint {
@@ -75,6 +81,7 @@ pub fn store(
                 .map_err(std::io::Error::other)?;
             Ok(Stored::Differs(other))
         }
+        Found::Unreadable(error) => Err(error),
         Found::Missing | Found::Useless(_) => {
             atomic::write_with(&path, |out| result.save(&origin, out))
                 .map_err(std::io::Error::other)?;
@@ -90,15 +97,47 @@ pub struct Gaps {
     pub tasks: usize,
     /// The tasks without results, by their numbers in the round.
     pub missing: Vec<u32>,
-    /// What is in the way, a sentence each.
+    /// The files in the places of results that are none, and why.
+    pub useless: Vec<(PathBuf, String)>,
+    /// What else is in the way, a sentence each.
     pub problems: Vec<String>,
 }
 
 impl Gaps {
     /// True if nothing is missing or wrong.
     pub fn is_empty(&self) -> bool {
-        self.missing.is_empty() && self.problems.is_empty()
+        self.missing.is_empty() && self.useless.is_empty() && self.problems.is_empty()
     }
+
+    /// Sets useless files aside, so that their tasks are rendered again, and says what is in the
+    /// way, a sentence each.
+    pub fn set_aside(self) -> Vec<String> {
+        let aside = self.useless.iter().map(|(path, problem)| match set_aside(path) {
+            Ok(name) => format!(
+                "{}: {problem}; it is called {name} now, and snell work renders the task again",
+                shown(path)
+            ),
+            Err(error) => format!(
+                "{}: {problem}; remove this file ({error}), and snell work renders the task again",
+                shown(path)
+            ),
+        });
+        aside.chain(self.problems).collect()
+    }
+}
+
+/// Gives a useless file another name, which is returned.
+fn set_aside(path: &Path) -> std::io::Result<String> {
+    for number in 1..=MOST_ASIDE {
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(if number == 1 { ".useless".into() } else { format!("-{number}.useless") });
+        let aside = path.with_file_name(&name);
+        if aside.symlink_metadata().is_err() {
+            std::fs::rename(path, &aside)?;
+            return Ok(name.display().to_string());
+        }
+    }
+    Err(ErrorKind::AlreadyExists.into())
 }
 
 /// Adds all results of the current round of a picture to its film. The folders are copies of the
@@ -121,14 +160,15 @@ pub fn add_round(
         let mut useless = Vec::new();
         for (round, names) in rounds.iter().zip(&names) {
             let path = round.result(task);
-            let shown = one_line(&path.display().to_string()).into_owned();
+            let name = shown(&path);
             let (worker, result) = match read(&path, first, frame, task) {
                 Found::Missing => continue,
                 Found::Useless(problem) => {
-                    useless.push(format!(
-                        "{shown}: {problem}; remove this file, and snell work renders the task \
-                         again"
-                    ));
+                    useless.push((path, problem));
+                    continue;
+                }
+                Found::Unreadable(error) => {
+                    gaps.problems.push(format!("{name}: {error}"));
                     continue;
                 }
                 Found::Result(worker, result) => (worker, result),
@@ -137,7 +177,7 @@ pub fn add_round(
             let other = differing.map(|known| known.0.clone());
             for other in other.into_iter().chain(others(names, &stem).map(String::from)) {
                 gaps.problems.push(format!(
-                    "{shown}: the results of the workers {worker} and {other} differ, so one of \
+                    "{name}: the results of the workers {worker} and {other} differ, so one of \
                      their machines is broken; remove the results of both ({stem}.*) and let \
                      another machine render the task"
                 ));
@@ -155,7 +195,7 @@ pub fn add_round(
                 }
             }
             None if useless.is_empty() => gaps.missing.push(number),
-            None => gaps.problems.extend(useless),
+            None => gaps.useless.extend(useless),
         }
     }
     gaps
@@ -175,17 +215,25 @@ pub fn catch_up(
     folder: &Folder,
     frame: u32,
 ) -> Result<(), Failure> {
-    let Some(round) = folder.last_ended_round(frame) else { return Ok(()) };
-    if round.start < underway.samples() {
-        return Ok(());
-    }
-    let path = round.end();
     let facts: Vec<Fact> = folder.plan.facts(frame);
-    let read = File::open(&path)
-        .map_err(SavedError::Io)
-        .and_then(|file| underway.replace_film(settings, &mut BufReader::new(file), &facts));
-    read.map_err(|error| {
-        let shown = one_line(&path.display().to_string()).into_owned();
-        Failure::Other(format!("{shown}: {error}; remove this file, and snell work makes it again"))
-    })
+    while let Some(round) = folder.last_ended_round(frame) {
+        if round.start < underway.samples() {
+            break;
+        }
+        let path = round.end();
+        let read = File::open(&path)
+            .map_err(SavedError::Io)
+            .and_then(|file| underway.replace_film(settings, &mut BufReader::new(file), &facts));
+        let Err(error) = read else { break };
+        let failed = |more: String| Failure::Other(format!("{}: {error}{more}", shown(&path)));
+        if matches!(error, SavedError::Io(_)) {
+            return Err(failed(String::new()));
+        }
+        // It is made again from the results of its round.
+        let name = set_aside(&path).map_err(|aside| {
+            failed(format!("; remove this file ({aside}), and snell work makes it again"))
+        })?;
+        eprintln!("warning: {}: {error}; it is called {name} now", shown(&path));
+    }
+    Ok(())
 }

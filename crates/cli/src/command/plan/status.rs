@@ -1,7 +1,8 @@
 //! `snell plan status`: how much of a plan is done.
 
 use super::FolderOption;
-use super::folder::{Folder, Round};
+use super::folder::Folder;
+use super::leases::worker_of;
 use super::results;
 use crate::command::render::stage::Stage;
 use crate::failure::Failure;
@@ -26,14 +27,10 @@ pub struct Options {
     /// Write a picture of what is done; the rest is black
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
-    /// The picture of an animation to write, from 1
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 1,
-        value_parser = clap::value_parser!(u32).range(1..),
-    )]
-    frame: u32,
+    /// The picture of an animation to write, by the number in the name of its file. Default: the
+    /// first
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    frame: Option<i64>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -46,6 +43,8 @@ struct Done {
     /// The first sample of the current round.
     round: u32,
     results: usize,
+    /// The names of results that have no content.
+    empty: Vec<String>,
     /// The tasks that are being rendered, with their workers.
     leases: BTreeMap<String, String>,
     /// The results that differ from the first of their task.
@@ -62,7 +61,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     };
     standard_output::write(text.as_bytes())?;
     if let Some(path) = &options.picture {
-        write_picture(path, &folder, options.frame)?;
+        write_picture(path, &folder, frame_of(options.frame, &folder)?)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -74,43 +73,49 @@ fn done(folder: &Folder, frame: u32) -> Done {
             is_finished: false,
             round: 0,
             results: 0,
+            empty: Vec::new(),
             leases: BTreeMap::new(),
             differing: Vec::new(),
         };
     };
     let names = round.names();
+    let is_empty = |name: &str| {
+        round.path.join(name).metadata().is_ok_and(|known| known.is_file() && known.len() == 0)
+    };
+    let is_result = |name: &&String| name.ends_with(".result");
+    let (empty, whole): (Vec<&String>, Vec<&String>) =
+        names.iter().filter(is_result).partition(|name| is_empty(name));
     let results: BTreeSet<&str> =
-        names.iter().filter_map(|name| name.strip_suffix(".result")).collect();
+        whole.iter().filter_map(|name| name.strip_suffix(".result")).collect();
     let leased = names.iter().filter_map(|name| name.strip_suffix(".lease"));
     let leases = leased.filter(|task| !results.contains(task)).map(|task| {
-        let path = round.path.join(format!("{task}.lease"));
-        let text = std::fs::read_to_string(path).unwrap_or_default();
-        let value: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
-        let worker = value["worker"].as_str().unwrap_or("unknown");
-        (task.to_string(), one_line(worker).into_owned())
+        let worker = worker_of(&round.path.join(format!("{task}.lease")));
+        let worker = worker.unwrap_or_else(|| "unknown".into());
+        (task.to_string(), one_line(&worker).into_owned())
     });
     Done {
         frame,
-        is_finished: folder.is_finished(frame) || is_complete(folder, &round, results.len()),
+        is_finished: match folder.plan.has_rounds {
+            true => folder.is_finished(frame),
+            false => results.len() >= folder.plan.tasks as usize,
+        },
         round: round.start,
         results: results.len(),
+        empty: empty.into_iter().cloned().collect(),
         leases: leases.collect(),
         differing: names.iter().filter(|name| name.ends_with(".other")).cloned().collect(),
     }
-}
-
-fn is_complete(folder: &Folder, round: &Round, results: usize) -> bool {
-    !folder.plan.has_rounds && round.start == 0 && results >= folder.plan.tasks as usize
 }
 
 fn as_value(folder: &Folder, all: &[Done]) -> serde_json::Value {
     let plan = &folder.plan;
     let picture = |done: &Done| {
         json!({
-            "picture": done.frame + 1,
+            "picture": plan.first_number.map(|first| first + i64::from(done.frame)),
             "finished": done.is_finished,
             "from_sample": done.round,
             "results": done.results,
+            "empty": done.empty,
             "being_rendered": done.leases,
             "differing": done.differing,
         })
@@ -155,9 +160,13 @@ fn text(folder: &Folder, all: &[Done]) -> String {
         };
         let count = done.leases.len();
         let leased = if count > 0 { format!(", {count} being rendered") } else { String::new() };
-        text += &format!("  picture {}: {state}{leased}\n", done.frame + 1);
+        let name = plan.name_of(done.frame).unwrap_or_else(|| "the picture".into());
+        text += &format!("  {name}: {state}{leased}\n");
         for name in &done.differing {
             text += &format!("    two results differ: {name}\n");
+        }
+        for name in &done.empty {
+            text += &format!("    empty, so remove it and run snell work again: {name}\n");
         }
     }
     if all.len() > LISTED {
@@ -173,20 +182,27 @@ fn text(folder: &Folder, all: &[Done]) -> String {
     text
 }
 
+/// The picture whose file has this number.
+fn frame_of(number: Option<i64>, folder: &Folder) -> Result<u32, Failure> {
+    let Some(number) = number else { return Ok(0) };
+    let plan = &folder.plan;
+    let first = plan.first_number.unwrap_or_default();
+    let frame = number.checked_sub(first).and_then(|frame| u32::try_from(frame).ok());
+    frame.filter(|&frame| frame < plan.frames).ok_or_else(|| {
+        let last = first + i64::from(plan.frames) - 1;
+        Failure::Usage(format!("--frame {number}: the plan has the pictures {first} to {last}"))
+    })
+}
+
 /// Writes a picture of what is done of a picture.
 fn write_picture(path: &std::path::Path, folder: &Folder, frame: u32) -> Result<(), Failure> {
-    let number = frame - 1;
-    if frame > folder.plan.frames {
-        let count = folder.plan.frames;
-        return Err(Failure::Usage(format!("--frame {frame}: the plan has {count} pictures")));
-    }
     let options = folder.render_options()?;
     let stage = Stage::new(folder.scene()?, &options)?;
     let simd = Level::from_env().map_err(Failure::Usage)?;
     let settings = options.settings(&stage.scene, &stage.camera(&options)?, simd)?;
     let mut underway = Underway::empty(&settings);
-    results::catch_up(&mut underway, &settings, folder, number)?;
-    let _ = results::add_round(&mut underway, &settings, &[folder], number);
+    results::catch_up(&mut underway, &settings, folder, frame)?;
+    let _ = results::add_round(&mut underway, &settings, &[folder], frame);
     let picture = underway.film.image();
     let display = image::Display {
         exposure: options.exposure(&stage.scene),

@@ -1,12 +1,13 @@
 //! Pictures that are made again from their receipts.
 
 use super::output::{Output, Target};
-use super::receipt::{self, Receipt};
+use super::receipt;
 use super::stage::Stage;
 use super::{Merged, Options, Session, frames, load};
 use crate::failure::Failure;
 use crate::{interrupt, scene_source};
 use snell_math::simd::Level;
+use snell_persist::Receipt;
 use snell_scene::Scene;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};

@@ -2,145 +2,66 @@
 //! on with it after whatever has ended it.
 
 use super::options::Options;
-use super::receipt::Receipt;
 use crate::failure::Failure;
 use crate::spectrum_file;
+use snell_formats::Sources;
 use snell_formats::error::one_line;
-use snell_formats::{Sources, atomic};
-use snell_render::{
-    Fact, Job, MARK_BYTES, Progress, SavedError, Settings, Underway, fact, facts, may_be_checkpoint,
-};
-use std::fs::File;
-use std::io::{BufReader, ErrorKind, Read};
+use snell_persist::{Checkpoint, Lock, Receipt, Resume, Wording};
+use snell_render::{FRAME, Fact, Settings, fact, facts};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-/// Default time between two savings.
-const INTERVAL: Duration = Duration::from_secs(30);
-
-/// The file that keeps a render on its way, and the one before it.
-pub struct Checkpoint<'a> {
-    path: &'a Path,
-    options: &'a Options,
-    facts: Vec<Fact>,
-    /// The receipt of the picture, which tells what is rendered.
-    receipt: String,
-    has_failed: bool,
+/// The checkpoint that the options ask for, if they ask for one. `picture` is the file of the
+/// picture, and the receipt tells what is rendered.
+pub fn of_options(
+    options: &Options,
+    settings: &Settings,
+    picture: &Path,
+    receipt: &Receipt,
+) -> Result<Option<Checkpoint>, Failure> {
+    let Some(path) = options.checkpoint.clone() else { return Ok(None) };
+    let interval = options.checkpoint_interval.unwrap_or(Checkpoint::INTERVAL);
+    let facts = all_facts(options, settings, picture)?;
+    Ok(Some(Checkpoint::new(path, facts, receipt.text(), interval)))
 }
 
-impl<'a> Checkpoint<'a> {
-    /// The checkpoint that the options ask for, if they ask for one. `picture` is the file of the
-    /// picture.
-    pub fn new(
-        options: &'a Options,
-        settings: &Settings,
-        picture: &Path,
-        receipt: &Receipt,
-    ) -> Result<Option<Self>, Failure> {
-        let Some(path) = &options.checkpoint else { return Ok(None) };
-        let facts = all_facts(options, settings, picture)?;
-        Ok(Some(Self { path, options, facts, receipt: receipt.text(), has_failed: false }))
-    }
-
-    /// The time between two savings.
-    pub fn interval(&self) -> Duration {
-        self.options.checkpoint_interval.unwrap_or(INTERVAL)
-    }
-
-    /// Begins the render, or goes on with the saved one.
-    pub fn begin(
-        &self,
-        job: &Job,
-        threads: usize,
-        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
-    ) -> Result<Underway, Failure> {
-        if !self.options.resume {
-            return Ok(job.begin(threads, keep_going));
-        }
-        let mut first_problem = None;
-        for path in [self.path.to_path_buf(), before(self.path)] {
-            let restored = File::open(&path).map_err(SavedError::Io).and_then(|file| {
-                job.restore(&mut BufReader::new(file), &self.facts, threads, keep_going)
-            });
-            let shown = one_line(&path.display().to_string()).into_owned();
-            let problem = match restored {
-                Ok(underway) => {
-                    if let Some(problem) = first_problem {
-                        self.warn(format!("{problem}; going on with {shown}, the one before it"));
-                    }
-                    if path != self.path {
-                        // The next saving may not put a damaged file in the place of this one.
-                        std::fs::rename(&path, self.path)
-                            .map_err(|error| Failure::Other(format!("{shown}: {error}")))?;
-                    }
-                    return Ok(underway);
-                }
-                Err(SavedError::Io(error)) if error.kind() == ErrorKind::NotFound => continue,
-                // The checkpoint of one frame is followed by that of the next.
-                Err(SavedError::Other(_)) if self.options.has_frames() => continue,
-                Err(error @ SavedError::Other(_)) => {
-                    return Err(Failure::Other(format!(
-                        "{shown}: {error}; give the options and files of before, or another \
-                            --checkpoint"
-                    )));
-                }
-                Err(error @ SavedError::Foreign(_)) => {
-                    return Err(Failure::Other(format!("{shown}: {error}; name another file")));
-                }
-                Err(error) => format!("{shown}: {error}"),
-            };
-            first_problem.get_or_insert(problem);
-        }
-        match first_problem {
-            Some(problem) => {
-                let remedy = "remove it to begin anew";
-                Err(Failure::Other(format!("{problem}; {remedy}")))
-            }
-            None => {
-                if !self.options.has_frames() {
-                    let shown = one_line(&self.path.display().to_string()).into_owned();
-                    self.warn(format!(
-                        "{shown}: there is no checkpoint yet; the render begins anew"
-                    ));
-                }
-                Ok(job.begin(threads, keep_going))
-            }
-        }
-    }
-
-    /// Saves the state. A failure is told once; the last good file stays, and rendering goes on.
-    pub fn save(&mut self, underway: &Underway, settings: &Settings) {
-        let written = atomic::write_keeping(self.path, &before(self.path), |out| {
-            underway.save(settings, &self.facts, &self.receipt, out)
-        });
-        match written {
-            Ok(()) => self.has_failed = false,
-            Err(error) if !std::mem::replace(&mut self.has_failed, true) => self.warn(format!(
-                "{}; rendering goes on, and saving is tried again: make room or mend the folder",
-                one_line(&error.to_string())
-            )),
-            Err(_) => {}
-        }
-    }
-
-    /// What to do to go on with an interrupted render.
-    pub fn farewell(&self) -> String {
-        let shown = one_line(&self.path.display().to_string()).into_owned();
-        match self.has_failed {
-            true => format!("the render could not be saved in {shown}"),
-            false => format!("the same command with --resume goes on from {shown}"),
-        }
-    }
-
-    fn warn(&self, problem: String) {
-        if !self.options.quiet {
-            eprintln!("warning: {problem}");
-        }
+/// Whether the options go on with what is there. The checkpoint of one frame is followed by that of
+/// the next.
+pub fn resume(options: &Options) -> Resume {
+    match (options.resume, options.has_frames()) {
+        (false, _) => Resume::Never,
+        (true, false) => Resume::Always,
+        (true, true) => Resume::IfSame,
     }
 }
 
-/// Refuses a checkpoint that would replace one that is not gone on with.
-pub fn check(options: &Options) -> Result<(), Failure> {
+/// What to do to go on with an interrupted render.
+pub fn farewell(checkpoint: &Checkpoint) -> String {
+    let shown = one_line(&checkpoint.path().display().to_string()).into_owned();
+    match checkpoint.has_failed() {
+        true => format!("the render could not be saved in {shown}"),
+        false => format!("the same command with --resume goes on from {shown}"),
+    }
+}
+
+/// Refuses the checkpoint of another animation, or of a single picture.
+pub fn check_animation(
+    options: &Options,
+    settings: &Settings,
+    first: &Path,
+    receipt: &Receipt,
+) -> Result<(), Failure> {
+    match of_options(options, settings, first, receipt)? {
+        Some(checkpoint) if options.resume => {
+            Ok(checkpoint.check_animation(settings.spp, Wording::COMMAND)?)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a checkpoint that would replace one that is not gone on with. While the lock exists, no
+/// other render saves to it.
+pub fn check(options: &Options) -> Result<Option<Lock>, Failure> {
     let Some(path) = &options.checkpoint else {
         let is_alone = options.resume && !options.has_frames();
         return match (is_alone, options.checkpoint_interval) {
@@ -151,9 +72,13 @@ pub fn check(options: &Options) -> Result<(), Failure> {
             (_, Some(_)) => {
                 Err(Failure::Usage("--checkpoint-interval needs --checkpoint FILE".into()))
             }
-            _ => Ok(()),
+            _ => Ok(None),
         };
     };
+    if path == Path::new("-") {
+        let problem = "--checkpoint -: a checkpoint is written again and again; name a file";
+        return Err(Failure::Usage(problem.into()));
+    }
     let place = |path: &Path| {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
@@ -170,52 +95,20 @@ pub fn check(options: &Options) -> Result<(), Failure> {
     if let Some((name, _)) = others.iter().find(is_same) {
         return Err(Failure::Usage(format!("--checkpoint and {name} name the same file")));
     }
-    let shown = |path: &Path| one_line(&path.display().to_string()).into_owned();
-    if path.symlink_metadata().is_ok_and(|known| !known.is_file()) {
-        let path = shown(path);
-        return Err(Failure::Usage(format!(
-            "{path} is a link or no file; name a file that is in the folder itself"
-        )));
-    }
-    let new = extended(path, ".new");
-    let mut start = Vec::new();
-    let found =
-        File::open(&new).and_then(|file| file.take(MARK_BYTES as u64).read_to_end(&mut start));
-    if found.is_ok() && !may_be_checkpoint(&start) {
-        let new = shown(&new);
-        return Err(Failure::Usage(format!(
-            "{new} would be overwritten while the checkpoint is saved; give another --checkpoint"
-        )));
-    }
-    let known = [path.clone(), before(path)];
-    let known = known.iter().find(|path| path.symlink_metadata().is_ok());
-    if let (Some(known), false) = (known, options.resume) {
-        let known = shown(known);
-        return Err(Failure::Usage(format!(
-            "{known} is there; add --resume to go on with it, or remove it to begin anew"
-        )));
-    }
-    Ok(atomic::check(path)?)
-}
-
-/// The name of the checkpoint before the last one.
-fn before(path: &Path) -> PathBuf {
-    extended(path, ".before")
-}
-
-fn extended(path: &Path, more: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(more);
-    name.into()
+    Ok(Checkpoint::check(path, resume(options), Wording::COMMAND)?)
 }
 
 /// All on which a picture depends: the files, the options that change the scene, and the settings.
-fn all_facts(options: &Options, settings: &Settings, picture: &Path) -> Result<Vec<Fact>, Failure> {
+pub fn all_facts(
+    options: &Options,
+    settings: &Settings,
+    picture: &Path,
+) -> Result<Vec<Fact>, Failure> {
     let mut all = vec![("the version of Snell".into(), env!("CARGO_PKG_VERSION").to_string())];
     let folder = options.scene.parent().unwrap_or(Path::new(""));
     let files = options.sources.as_ref().map(Sources::list).unwrap_or_default();
     if files.is_empty() {
-        all.push(("the scene".into(), format!("{:?}", options.scene)));
+        all.push(("the scene".into(), one_line(&options.scene.display().to_string()).into()));
     }
     for (path, hash) in files {
         let name = path.strip_prefix(folder).unwrap_or(&path);
@@ -227,19 +120,25 @@ fn all_facts(options: &Options, settings: &Settings, picture: &Path) -> Result<V
         .iter()
         .map(|definition| spectrum_file::resolve(definition))
         .collect::<Result<_, _>>()?;
-    let mut add = |name: &str, value: &dyn std::fmt::Debug| all.extend(fact(name, value));
-    add("the frame", &picture.file_name().filter(|_| options.has_frames()));
-    add("--at", &options.at);
-    add("--camera", &options.camera);
-    add("--animation", &options.animation);
-    add("--turntable", &options.turntable);
-    add("--shutter", &options.shutter);
-    add("--variant", &options.variant);
-    add("--scene", &options.scene_of_file);
-    add("--background", &options.background);
-    add("--environment", &options.environment);
-    add("--fog", &options.fog);
-    add("--define", &define);
+    let frame = picture.file_name().filter(|_| options.has_frames());
+    let shutter = options.shutter.map(|[open, close]| format!("{open}..{close}"));
+    let define = Some(define.join(" --define ")).filter(|_| !define.is_empty());
+    all.extend(fact(FRAME, frame.map(OsStr::display)));
+    all.extend(fact("--at", options.at));
+    for (name, value) in [
+        ("--camera", &options.camera),
+        ("--animation", &options.animation),
+        ("--turntable", &options.turntable.map(|turn| turn.to_string())),
+        ("--shutter", &shutter),
+        ("--variant", &options.variant),
+        ("--scene", &options.scene_of_file),
+        ("--background", &options.background),
+        ("--fog", &options.fog.map(|density| density.to_string())),
+        ("--define", &define),
+    ] {
+        all.extend(fact(name, value.as_ref()));
+    }
+    all.extend(fact("--environment", options.environment.as_deref().map(OsStr::display)));
     all.extend(facts(settings));
     Ok(all)
 }

@@ -5,21 +5,23 @@
 //! they are made, so that `--resume` renders only the missing ones.
 
 mod resume;
+mod values;
 
 use super::options::Options;
 use super::output::{self, Target, hex};
-use super::receipt::Receipt;
 use super::stage::{Shot, Stage};
-use super::{Fate, Outcome, Session, memory, rescue};
+use super::{Fate, Outcome, Session, checkpoint, memory, rescue};
 use crate::failure::Failure;
 use crate::progress::duration;
 use crate::{interrupt, spectrum_file};
-use resume::Memory;
+use resume::{Making, Memory};
 use serde_json::{Value, json};
-use snell_formats::Sources;
-use snell_formats::image::{AnimatedFormat, AnimatedWriter};
+use snell_formats::image::{AnimatedFormat, AnimatedWriter, read_layers};
 use snell_formats::open::{self, NamedBy};
+use snell_formats::{Input, ReadOptions, Sources};
 use snell_intersect::BuildOptions;
+use snell_persist::Receipt;
+use snell_render::Settings;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -27,105 +29,20 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
+pub use values::{FrameRange, Turntable, parse_frames, parse_shutter, parse_turntable};
 
 /// Maximum number of frames of one command.
 const MOST: f64 = 1e6;
-
-/// Default number of frames per second of a turntable.
-const TURNTABLE_RATE: f64 = 24.0;
-/// Maximum number of frames of a turn.
-const MOST_OF_TURN: f64 = 100_000.0;
-
-/// The value of `--frames`: a half-open interval of time and a number of frames per second.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameRange {
-    /// Start in seconds; `None` for the start of the animation.
-    pub start: Option<f64>,
-    /// End in seconds; `None` for the end of the animation.
-    pub end: Option<f64>,
-    /// Frames per second.
-    pub rate: f64,
-}
-
-/// The value of `--turntable`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Turntable {
-    /// Frames of a whole turn.
-    pub count: u32,
-    /// Frames per second of an animated picture.
-    pub rate: f64,
-}
 
 /// A frame to be rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// The number in file names: the time times the rate. So the numbers of separately rendered
     /// parts of an animation fit together.
-    number: i64,
+    pub number: i64,
     time: f64,
     /// The turn of the scene so far, as a fraction of a full turn.
     turn: f64,
-}
-
-/// Reads `0..2s@24`, `0.5..@30`, `@24`.
-pub fn parse_frames(text: &str) -> Result<FrameRange, String> {
-    let error = || {
-        format!(
-            "\"{text}\" is not a range of frames; write START..END@RATE in seconds, such as \
-                0..2s@24"
-        )
-    };
-    let (range, rate) = text.split_once('@').ok_or_else(error)?;
-    let rate = possible_rate(rate.trim().parse().map_err(|_| error())?)?;
-    let seconds = |text: &str| match text.trim().trim_end_matches('s') {
-        "" => Ok(None),
-        number => match number.parse::<f64>().map_err(|_| error())? {
-            time if time.abs() <= 1e6 => Ok(Some(time)),
-            _ => Err(format!("{number} seconds are too many: times are from -1e6 to 1e6")),
-        },
-    };
-    let (start, end) = if range.trim().is_empty() {
-        ("", "")
-    } else {
-        range.split_once("..").ok_or_else(error)?
-    };
-    let (start, end) = (seconds(start)?, seconds(end)?);
-    let is_empty = matches!((start, end), (Some(a), Some(b)) if a >= b);
-    if is_empty { Err(error()) } else { Ok(FrameRange { start, end, rate }) }
-}
-
-/// Reads `48` or `48@24`.
-pub fn parse_turntable(text: &str) -> Result<Turntable, String> {
-    let error =
-        || format!("\"{text}\" is not a number of frames; write N or N@RATE, such as 48@24");
-    let (count, rate) =
-        text.split_once('@').map_or((text, None), |(count, rate)| (count, Some(rate)));
-    let count: f64 = count.trim().parse().map_err(|_| error())?;
-    if count.fract() != 0.0 || !(1.0..=MOST_OF_TURN).contains(&count) {
-        return Err(format!("{count} frames: a turn has 1 to {MOST_OF_TURN}"));
-    }
-    let rate =
-        possible_rate(rate.map_or(Ok(TURNTABLE_RATE), |r| r.trim().parse()).map_err(|_| error())?)?;
-    Ok(Turntable { count: count as u32, rate })
-}
-
-fn possible_rate(rate: f64) -> Result<f64, String> {
-    if (0.001..=1000.0).contains(&rate) {
-        return Ok(rate);
-    }
-    Err(format!("{rate} frames per second are not possible: rates are from 0.001 to 1000"))
-}
-
-/// Reads `0..0.02`.
-pub fn parse_shutter(text: &str) -> Result<[f64; 2], String> {
-    let error =
-        || format!("\"{text}\" is not when a shutter opens and closes; write seconds as 0..0.02");
-    let (open, close) = text.split_once("..").ok_or_else(error)?;
-    let seconds = |text: &str| {
-        text.trim().trim_end_matches('s').parse().ok().filter(|t: &f64| t.abs() <= 1e6)
-    };
-    let (open, close) = (seconds(open).ok_or_else(error)?, seconds(close).ok_or_else(error)?);
-    if open <= close { Ok([open, close]) } else { Err(error()) }
 }
 
 /// The frames that the options ask for, and the number of frames per second; `None` if they ask for
@@ -240,8 +157,7 @@ impl Place {
 
     /// The file of a frame.
     fn file(&self, number: i64) -> PathBuf {
-        let (sign, digits) = (if number < 0 { "-" } else { "" }, self.digits);
-        let number = format!("{sign}{:0digits$}", number.unsigned_abs());
+        let number = digits(number, self.digits);
         self.folder.join(joined([&self.before, OsStr::new(&number), &self.after]))
     }
 
@@ -250,6 +166,12 @@ impl Place {
         let before = if self.before.is_empty() { OsStr::new("frames.") } else { &self.before };
         self.folder.join(joined([before, OsStr::new("resume")]))
     }
+}
+
+/// The number of a frame with at least so many digits.
+pub fn digits(number: i64, digits: usize) -> String {
+    let sign = if number < 0 { "-" } else { "" };
+    format!("{sign}{:0digits$}", number.unsigned_abs())
 }
 
 fn joined<const N: usize>(parts: [&OsStr; N]) -> OsString {
@@ -335,23 +257,34 @@ pub(super) fn render(
         // Names of frames are longer than the name of the output, so the first is checked too.
         output::check_place(first)?;
     }
+    let settings = options.settings(&stage.scene, &stage.camera(options)?, session.simd)?;
+    let first = files.values().next().map_or(Path::new(""), PathBuf::as_path);
+    checkpoint::check_animation(options, &settings, first, &session.receipt)?;
+    let receipt = session.receipt.clone();
+    let receipts: BTreeMap<i64, Receipt> = (0..)
+        .zip(&frames)
+        .map(|(picture, frame)| match options.turntable {
+            Some(_) => (frame.number, Receipt { picture, ..receipt.clone() }),
+            None => (frame.number, receipt.of_frame(frame.time)),
+        })
+        .collect();
     let fingerprint = fingerprint(options, stage, &frames, rate)?;
-    let mut memory = Memory::open(&place, fingerprint, &files, options)?;
+    let hash = |number: i64| hash_of_whole(&files[&number], &receipts[&number], &settings);
+    let making = match session.merged {
+        Some(_) => Making::Merging(&hash),
+        None => Making::Rendering,
+    };
+    let mut memory = Memory::open(&place, fingerprint, &files, options, making)?;
     let start = Instant::now();
     let mut statistics = Vec::new();
-    let receipt = session.receipt.clone();
     for (i, frame) in frames.iter().enumerate() {
         session.number = i as u32;
-        session.receipt = match options.turntable {
-            Some(_) => Receipt { picture: session.number, ..receipt.clone() },
-            None => receipt.of_frame(frame.time),
-        };
+        session.receipt = receipts[&frame.number].clone();
         if memory.has(frame.number) {
             continue;
         }
         let there = format!(
-            "interrupted: {} frames of {} are there; the same command with --resume renders the \
-                rest",
+            "interrupted: {} frames of {} are there; the same command with --resume makes the rest",
             files.keys().filter(|&&number| memory.has(number)).count(),
             frames.len()
         );
@@ -365,7 +298,7 @@ pub(super) fn render(
         };
         let Some(sha256) = taken.sha256 else {
             eprintln!(
-                "the frames before it are in their places; the same command with --resume renders \
+                "the frames before it are in their places; the same command with --resume makes \
                     the rest"
             );
             return Ok(Some(ExitCode::from(1)));
@@ -395,9 +328,23 @@ pub(super) fn render(
         is_in_place &= output::write_text(path, "the JSON", &(text + "\n"))?;
     }
     if !options.quiet && assembled.is_in_place {
-        eprintln!("{}: {} frames, {}", assembled.shown, frames.len(), all.line(statistics.len()));
+        let line = all.line(statistics.len(), session.merged.is_some());
+        eprintln!("{}: {} frames, {line}", assembled.shown, frames.len());
     }
     Ok(Some(if is_in_place { ExitCode::SUCCESS } else { ExitCode::from(1) }))
+}
+
+/// The SHA-256 of a file that is this picture already, whole: its receipt is that of the picture,
+/// with all samples.
+fn hash_of_whole(file: &Path, receipt: &Receipt, settings: &Settings) -> Option<String> {
+    let picture = read_layers(&Input::open(file, &ReadOptions::default()).ok()?).ok()?;
+    let (_, text) = picture.metadata.iter().find(|(key, _)| key == Receipt::KEY)?;
+    let found = Receipt::parse(text).ok()?;
+    // Pixels that stop by their error have fewer samples.
+    let is_complete = settings.noise.is_some() || found.samples[0] >= settings.spp;
+    (is_complete && found.is_of_same_picture(receipt))
+        .then(|| output::sha256_of_file(file).ok())
+        .flatten()
 }
 
 /// The result of a frame.
@@ -440,12 +387,15 @@ fn render_one(
             json!({ "kept": reuse.kept, "refitted": reuse.refitted, "built": reuse.built }),
         );
     }
-    let line = format!(
-        "posed {}, built {}, rendered {}",
-        duration(pose),
-        duration(build),
-        duration(render_seconds)
-    );
+    let line = match session.merged {
+        Some(_) => format!("merged {}", duration(render_seconds)),
+        None => format!(
+            "posed {}, built {}, rendered {}",
+            duration(pose),
+            duration(build),
+            duration(render_seconds)
+        ),
+    };
     Ok(Some(Taken { sha256, line, statistics }))
 }
 
@@ -483,13 +433,16 @@ impl Totals {
         })
     }
 
-    fn line(&self, rendered: usize) -> String {
-        if rendered == 0 {
+    fn line(&self, made: usize, is_merge: bool) -> String {
+        if made == 0 {
             return "all of which existed already".into();
         }
+        let time = duration(self.seconds / made as f64);
+        if is_merge {
+            return format!("{made} merged, {time} each");
+        }
         format!(
-            "{} a frame ({:.1} % posing, {:.1} % building and refitting, {:.1} % rendering)",
-            duration(self.seconds / rendered as f64),
+            "{time} a frame ({:.1} % posing, {:.1} % building and refitting, {:.1} % rendering)",
             100.0 * self.share(self.pose),
             100.0 * self.share(self.build),
             100.0 * self.share(self.render),
@@ -567,21 +520,6 @@ fn io(path: &Path, error: std::io::Error) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ranges_turns_and_shutters_are_understood() {
-        let range = |start, end, rate| Ok(FrameRange { start, end, rate });
-        assert_eq!(parse_frames("0..2s@24"), range(Some(0.0), Some(2.0), 24.0));
-        assert_eq!(parse_frames(" 0.5 .. @ 12.5"), range(Some(0.5), None, 12.5));
-        assert_eq!(parse_frames("@30"), range(None, None, 30.0));
-        for wrong in ["", "24", "2..1@24", "0..2@0", "0..x@24", "nan..1@24", "0..2@24fps"] {
-            assert!(parse_frames(wrong).is_err(), "{wrong}");
-        }
-        assert_eq!(parse_turntable("48@25"), Ok(Turntable { count: 48, rate: 25.0 }));
-        assert!(parse_turntable("0").is_err() && parse_turntable("8@no").is_err());
-        assert_eq!(parse_shutter("-0.01..0.01s"), Ok([-0.01, 0.01]));
-        assert!(parse_shutter("0.1").is_err() && parse_shutter("1..0").is_err());
-    }
 
     #[test]
     fn frames_are_named_by_their_numbers() {

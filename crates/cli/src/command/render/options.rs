@@ -12,7 +12,7 @@ use snell_math::simd::Level;
 use snell_math::{DVec3, Rgb};
 use snell_render::{Request, RequestError, Settings};
 use snell_scene::framing::{turned, upright};
-use snell_scene::light::sky::Sky;
+use snell_scene::surroundings::{self, BACKGROUNDS, ENVIRONMENTS, Named};
 use snell_scene::{Background, Camera, Environment, Scene};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -30,9 +30,13 @@ pub enum DisplayOption {
 
 /// Reads a duration in seconds, or with a unit.
 pub fn parse_duration(text: &str) -> Result<Duration, String> {
-    snell_render::seconds_of(text)
-        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-        .filter(|duration| *duration > Duration::ZERO)
+    let seconds = snell_render::seconds_of(text);
+    if seconds.is_some_and(|seconds| seconds <= 0.0) {
+        return Err("expected a time above 0, such as 30s".into());
+    }
+    let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    duration
+        .filter(|duration| !duration.is_zero())
         .ok_or_else(|| "expected seconds, or a duration such as 30s, 5m or 1h".into())
 }
 
@@ -319,32 +323,24 @@ impl Options {
         let Some(value) = &self.environment else { return Ok(()) };
         // A value that is not valid text can only be the name of a file.
         let name = value.to_str().unwrap_or_default();
-        scene.environment = match name {
-            "none" => None,
-            "sky" => Some(snell_scene::framing::default_sky()),
-            _ if name.starts_with("sky:") => Some(parse_sky(&name["sky:".len()..])?),
-            _ => match parse_color(name) {
-                Some(color) => Some(Environment::Constant(color)),
-                None if is_meant_as_color(name) && !Path::new(value).exists() => {
-                    return Err(Failure::Usage(format!(
-                        "--environment {name}: not a color; expected white, black, #rrggbb or \
-                            r,g,b (finite and not negative), \
-                         none, sky, sky:…, or the name of a picture"
-                    )));
+        let usage = |problem| Failure::Usage(format!("--environment {name}: {problem}"));
+        scene.environment = match surroundings::environment(name).map_err(usage)? {
+            Named::Environment(environment) => environment,
+            Named::Picture if is_meant_as_color(name) && !Path::new(value).exists() => {
+                return Err(usage(format!("not a color; expected {ENVIRONMENTS}")));
+            }
+            Named::Picture => {
+                let input = snell_formats::Input::open(Path::new(value), &self.read_options())?;
+                let image = snell_formats::image::read_environment(&input)?;
+                for note in input.take_notes() {
+                    scene.warn(note);
                 }
-                None => {
-                    let input = snell_formats::Input::open(Path::new(value), &self.read_options())?;
-                    let image = snell_formats::image::read_environment(&input)?;
-                    for note in input.take_notes() {
-                        scene.warn(note);
-                    }
-                    Some(Environment::Image {
-                        image: Arc::new(image),
-                        scale: Rgb::WHITE,
-                        world_from_environment: snell_math::DAffine3::IDENTITY,
-                    })
-                }
-            },
+                Some(Environment::Image {
+                    image: Arc::new(image),
+                    scale: Rgb::WHITE,
+                    world_from_environment: snell_math::DAffine3::IDENTITY,
+                })
+            }
         };
         // Environments have their zenith at +y.
         let turn = upright(scene.settings.up.unwrap_or(DVec3::Y));
@@ -356,64 +352,11 @@ impl Options {
     /// Applies `--background`.
     pub fn apply_background(&self, scene: &mut Scene) -> Result<(), Failure> {
         let Some(name) = &self.background else { return Ok(()) };
-        scene.background = match name.as_str() {
-            "environment" => Background::Environment,
-            "transparent" | "none" => Background::Transparent,
-            "studio" => snell_scene::framing::studio_background(scene, DVec3::Y),
-            _ => match parse_color(name) {
-                Some(color) => Background::Color(color),
-                None => {
-                    return Err(Failure::Usage(format!(
-                        "--background {name}: expected environment, studio, transparent (or none), \
-                            white, black, #rrggbb or r,g,b"
-                    )));
-                }
-            },
-        };
+        scene.background = surroundings::background(name, scene).ok_or_else(|| {
+            Failure::Usage(format!("--background {name}: expected {BACKGROUNDS}"))
+        })?;
         Ok(())
     }
-}
-
-/// A clear day from `parameter=value,…`.
-fn parse_sky(text: &str) -> Result<Environment, Failure> {
-    let usage = |problem: String| {
-        let ranges =
-            Sky::PARAMETERS.map(|(name, least, most)| format!("{name} ({least} to {most})"));
-        Failure::Usage(format!(
-            "--environment sky:{text}: {problem}; the parameters are {}",
-            ranges.join(", ")
-        ))
-    };
-    let mut sky = Sky::default();
-    for part in text.split(',').filter(|part| !part.trim().is_empty()) {
-        let (name, value) =
-            part.split_once('=').ok_or_else(|| usage(format!("\"{part}\" has no \"=\"")))?;
-        let slot = sky
-            .parameter(name.trim())
-            .ok_or_else(|| usage(format!("\"{name}\" is not a parameter")))?;
-        *slot = value.trim().parse().map_err(|_| usage(format!("\"{value}\" is not a number")))?;
-    }
-    sky.environment().map_err(|error| usage(error.to_string()))
-}
-
-/// A colour: `white`, `black`, `#rrggbb` (sRGB) or `r,g,b` (linear).
-fn parse_color(text: &str) -> Option<Rgb> {
-    match text {
-        "white" => return Some(Rgb::WHITE),
-        "black" => return Some(Rgb::BLACK),
-        _ => {}
-    }
-    if let Some(hex) = text.strip_prefix('#') {
-        let byte = |i: usize| {
-            u8::from_str_radix(hex.get(i..i + 2)?, 16).ok().map(|b| f32::from(b) / 255.0)
-        };
-        return (hex.len() == 6).then(|| Some(Rgb::from_srgb(byte(0)?, byte(2)?, byte(4)?)))?;
-    }
-    let numbers: Vec<f32> =
-        text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
-    let [r, g, b] = numbers[..] else { return None };
-    let color = Rgb::new(r, g, b);
-    (color.is_finite() && r >= 0.0 && g >= 0.0 && b >= 0.0).then_some(color)
 }
 
 /// True for text that may be a misspelt colour.
@@ -434,16 +377,4 @@ fn parse_density(text: &str) -> Result<f32, String> {
 fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds = text.trim_end_matches('s').parse().ok().filter(|t: &f64| t.abs() <= 1e6);
     seconds.ok_or_else(|| format!("\"{text}\" is not a time; write seconds, such as 1.5"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn colours_are_understood() {
-        assert_eq!(parse_color("#ff0000"), Some(Rgb::new(1.0, 0.0, 0.0)));
-        assert_eq!(parse_color("0.5,1,2"), Some(Rgb::new(0.5, 1.0, 2.0)));
-        assert_eq!(parse_color("nan,0,0"), None);
-    }
 }

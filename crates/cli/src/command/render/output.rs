@@ -1,14 +1,13 @@
 //! Writes a film to a file.
 
 use super::options::Options;
-use super::summary::Summary;
+use super::summary::Facts;
 use super::{frames, preview, rescue};
 use crate::failure::Failure;
 use crate::standard_output;
 use sha2::{Digest, Sha256};
 use snell_formats::image::{self, WriteOptions};
-use snell_render::Film;
-use snell_scene::{Layer, LayeredImage, Scene};
+use snell_scene::{Layer, LayeredImage};
 use std::ffi::OsStr;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -92,39 +91,10 @@ impl<'a> Output<'a> {
     pub fn write(
         &self,
         target: Target,
-        mut picture: LayeredImage,
-        film: &Film,
-        summary: &Summary,
-        scene: &Scene,
+        picture: LayeredImage,
+        facts: &Facts,
     ) -> Result<Written, Failure> {
-        let options = self.options;
-        if options.variance {
-            // Here, the light groups already have unique names.
-            let names: Vec<String> = picture.layers.iter().map(|l| l.name.clone()).collect();
-            picture.layers.extend(film.variance().layers.into_iter().zip(names).map(
-                |(layer, name)| Layer {
-                    name: if name.is_empty() {
-                        "variance".into()
-                    } else {
-                        format!("{name}.variance")
-                    },
-                    ..layer
-                },
-            ));
-        }
-        picture.metadata.splice(0..0, summary.metadata());
-        let integrator = Some(summary.settings.integrator);
-        let display = preview::display(options, scene, summary.tonemap, integrator);
-        let writing = WriteOptions {
-            display,
-            png_bits: if options.has_frames() && frames::is_animated(options) {
-                8
-            } else {
-                options.bits
-            },
-            exr_half: options.half,
-            ..WriteOptions::default()
-        };
+        let (picture, writing) = prepared(self.options, picture, facts)?;
         let path = target.path();
         let encoded = match target {
             Target::File(path) => image::encode_image(path, &picture, &writing),
@@ -163,6 +133,38 @@ impl<'a> Output<'a> {
         };
         Ok(Written { is_in_place, sha256: hex(&bytes) })
     }
+}
+
+/// The picture as it is written, with the variance if it is asked for and with its metadata, and
+/// the way to write it.
+pub fn prepared(
+    options: &Options,
+    mut picture: LayeredImage,
+    facts: &Facts,
+) -> Result<(LayeredImage, WriteOptions), Failure> {
+    if options.variance {
+        // Here, the light groups already have unique names.
+        let names: Vec<String> = picture.layers.iter().map(|l| l.name.clone()).collect();
+        let layers = facts.film.variance().layers.into_iter().zip(names).map(|(layer, name)| {
+            let name = if name.is_empty() { "variance".into() } else { format!("{name}.variance") };
+            Layer { name, ..layer }
+        });
+        picture.layers.extend(layers);
+    }
+    picture.metadata.splice(0..0, facts.metadata());
+    let integrator = Some(facts.settings.integrator);
+    let tonemap = options.tonemap(facts.scene)?;
+    let writing = WriteOptions {
+        display: preview::display(options, facts.scene, tonemap, integrator),
+        png_bits: if options.has_frames() && frames::is_animated(options) {
+            8
+        } else {
+            options.bits
+        },
+        exr_half: options.half,
+        ..WriteOptions::default()
+    };
+    Ok((picture, writing))
 }
 
 /// The destination of a picture.

@@ -4,7 +4,8 @@ use super::options::{DisplayEncoding, Options};
 use snell_formats::atomic;
 use snell_formats::error::one_line;
 use snell_formats::image::{self, Display, Tonemap, WriteOptions};
-use snell_render::{Film, IntegratorKind, Job};
+use snell_persist::{Pace, Saved};
+use snell_render::{IntegratorKind, Job, Underway};
 use snell_scene::Scene;
 use std::path::Path;
 use std::time::Duration;
@@ -13,33 +14,37 @@ use std::time::Duration;
 pub struct Preview<'a> {
     path: &'a Path,
     writing: WriteOptions,
-    is_quiet: bool,
+    pace: Pace,
     has_failed: bool,
 }
 
 impl<'a> Preview<'a> {
     /// The time between two pictures.
-    pub const INTERVAL: Duration = Duration::from_secs(10);
+    const INTERVAL: Duration = Duration::from_secs(10);
 
     /// The preview that the options ask for, if they ask for one.
     pub fn new(options: &'a Options, scene: &Scene, tonemap: Tonemap) -> Option<Self> {
         let display = display(options, scene, tonemap, options.request.integrator);
         let writing = WriteOptions { display, ..WriteOptions::default() };
         let path = options.preview.as_deref()?;
-        Some(Self { path, writing, is_quiet: options.quiet, has_failed: false })
+        Some(Self { path, writing, pace: Pace::new(Self::INTERVAL), has_failed: false })
+    }
+}
+
+impl Saved for Preview<'_> {
+    fn is_due(&self) -> bool {
+        self.pace.is_due()
     }
 
-    /// Writes the picture. A failure is told once, and rendering goes on.
-    pub fn write(&mut self, film: &Film, job: &Job) {
-        let picture = snell_render::picture(film, job.settings(), job.scene());
-        let encoded = image::encode_image(self.path, &picture, &self.writing);
-        let written = encoded.and_then(|bytes| atomic::write(self.path, &bytes));
-        if let Err(error) = written
-            && !std::mem::replace(&mut self.has_failed, true)
-            && !self.is_quiet
-        {
-            eprintln!("warning: --preview: {}", one_line(&error.to_string()));
-        }
+    fn save(&mut self, underway: &Underway, job: &Job) -> Option<String> {
+        let Self { path, writing, pace, has_failed } = self;
+        let written = pace.save(|| {
+            let picture = snell_render::picture(&underway.film, job.settings(), job.scene());
+            let encoded = image::encode_image(path, &picture, writing);
+            encoded.and_then(|bytes| atomic::write(path, &bytes))
+        });
+        let error = written.err().filter(|_| !std::mem::replace(has_failed, true))?;
+        Some(format!("--preview: {}", one_line(&error.to_string())))
     }
 }
 

@@ -17,6 +17,11 @@ impl RequestOptions {
         self.0.denoise = self.0.denoise.take().map(|_| Denoise::Found);
     }
 
+    /// Asks for a picture of another size.
+    pub fn resize(&mut self, size: [u32; 2]) {
+        self.0.size = Some(size);
+    }
+
     /// Asks for a picture with its noise.
     pub fn forget_denoiser(&mut self) {
         self.0.denoise = None;

@@ -120,6 +120,11 @@ impl Stage {
         self.scene
     }
 
+    /// The scene before any pose, and the player of its motion, if it is animated.
+    pub fn into_parts(self) -> (Scene, Option<Player>) {
+        (self.scene, self.player)
+    }
+
     /// The camera that the options choose.
     pub fn camera(&self, options: &Options) -> Result<Camera, Failure> {
         choose_camera(&self.scene, options)

@@ -2,12 +2,11 @@
 
 use super::options::Options;
 use super::output::Target;
-use super::receipt::{self, Receipt};
 use crate::messages;
 use crate::progress::duration;
 use crate::resources::peak_memory_bytes;
 use serde_json::{Value, json};
-use snell_formats::image::Tonemap;
+use snell_persist::Receipt;
 use snell_render::{CompiledScene, Film, Settings, Statistics};
 use snell_scene::{Scene, Warning};
 use std::path::Path;
@@ -15,94 +14,17 @@ use std::path::Path;
 /// The share of paths that may be cut short without a warning.
 const CUT_SHARE: f64 = 1e-3;
 
-/// The facts of a finished render.
-pub struct Summary<'a> {
+/// What a picture's file says of it.
+pub struct Facts<'a> {
     pub scene: &'a Scene,
-    pub compiled: &'a CompiledScene,
     pub settings: &'a Settings,
-    /// Warnings from before the render.
-    pub warnings: Vec<Warning>,
-    pub tonemap: Tonemap,
     pub statistics: Statistics,
     pub film: &'a Film,
-    pub load_seconds: f64,
-    pub build_seconds: f64,
-    pub render_seconds: f64,
-    pub threads: usize,
-    /// The memory estimate from before the render.
-    pub estimated_memory_bytes: u64,
     pub image_sha256: String,
     pub receipt: Receipt,
 }
 
-impl Summary<'_> {
-    fn mrays_per_second(&self) -> f64 {
-        self.statistics.rays.total() as f64 / self.render_seconds.max(1e-9) / 1e6
-    }
-
-    /// The share of pixels whose error is within the requested limit.
-    fn converged(&self) -> Option<f64> {
-        let pixels = self.film.crop.size().iter().map(|&s| f64::from(s)).product::<f64>();
-        self.settings.noise.map(|_| self.statistics.converged_pixels as f64 / pixels.max(1.0))
-    }
-
-    /// Samples per pixel, as text.
-    fn samples(&self) -> String {
-        let least = self.film.least_samples();
-        match (self.settings.noise, self.converged()) {
-            (Some(noise), Some(share)) => format!(
-                "{:.0} samples per pixel ({least} to {}), {:.1} % of the pixels within {noise}",
-                self.film.mean_samples(),
-                self.film.most_samples(),
-                (share * 1000.0).floor() / 10.0
-            ),
-            _ => format!("{least} samples per pixel"),
-        }
-    }
-
-    /// The JSON of `--stats`.
-    pub fn json(&self) -> Value {
-        let rays = self.statistics.rays;
-        json!({
-            "scene": self.scene.name,
-            "integrator": self.settings.integrator.name(),
-            "size": self.settings.size,
-            "triangles": self.compiled.world.triangle_count(),
-            "instanced_triangles": self.compiled.world.instanced_triangle_count(),
-            "shapes": self.compiled.world.shape_count(),
-            "instances": self.compiled.world.instance_count(),
-            "lights": self.compiled.lights().len(),
-            "load_seconds": self.load_seconds,
-            "build_seconds": self.build_seconds,
-            "render_seconds": self.render_seconds,
-            "rays": { "camera": rays.camera, "shadow": rays.shadow, "indirect": rays.indirect },
-            "mrays_per_second": self.mrays_per_second(),
-            "tracing_seconds": self.statistics.tracing.as_secs_f64(),
-            "guiding": self.settings.guiding.map(|_| json!({
-                "passes": self.statistics.training_passes,
-                "seconds": self.statistics.training.as_secs_f64(),
-                "regions": self.statistics.guiding_regions,
-                "memory_bytes": self.statistics.guiding_bytes,
-            })),
-            "spp": self.film.least_samples(),
-            "spp_mean": self.film.mean_samples(),
-            "spp_most": self.film.most_samples(),
-            "noise": self.settings.noise,
-            "converged": self.converged(),
-            "complete": self.statistics.is_complete,
-            "invalid_samples": self.statistics.invalid_samples,
-            "cut_paths": self.statistics.cut_paths,
-            "warnings": messages::as_json(&self.warnings),
-            "peak_memory_bytes": peak_memory_bytes(),
-            "estimated_memory_bytes": self.estimated_memory_bytes,
-            "accelerator_memory_bytes": self.compiled.world.memory_bytes(),
-            "threads": self.threads,
-            "simd": self.settings.build.simd.name(),
-            "image_sha256": self.image_sha256,
-            "receipt": self.receipt,
-        })
-    }
-
+impl Facts<'_> {
     /// Metadata of the picture.
     pub fn metadata(&self) -> Vec<(String, String)> {
         let s = self.settings;
@@ -124,13 +46,99 @@ impl Summary<'_> {
                 ("GuidingPasses".to_string(), self.statistics.training_passes.to_string())
             }),
         )
-        .chain([(receipt::KEY.to_string(), self.receipt.text())])
+        .chain([(Receipt::KEY.to_string(), self.receipt.text())])
         .collect()
+    }
+}
+
+/// A finished render.
+pub struct Summary<'a> {
+    pub facts: Facts<'a>,
+    pub compiled: &'a CompiledScene,
+    /// Warnings from before the render.
+    pub warnings: Vec<Warning>,
+    pub load_seconds: f64,
+    pub build_seconds: f64,
+    pub render_seconds: f64,
+    pub threads: usize,
+    /// The memory estimate from before the render.
+    pub estimated_memory_bytes: u64,
+}
+
+impl Summary<'_> {
+    fn mrays_per_second(&self) -> f64 {
+        self.facts.statistics.rays.total() as f64 / self.render_seconds.max(1e-9) / 1e6
+    }
+
+    /// The share of pixels whose error is within the requested limit.
+    fn converged(&self) -> Option<f64> {
+        let pixels = self.facts.film.crop.size().iter().map(|&s| f64::from(s)).product::<f64>();
+        self.facts
+            .settings
+            .noise
+            .map(|_| self.facts.statistics.converged_pixels as f64 / pixels.max(1.0))
+    }
+
+    /// Samples per pixel, as text.
+    fn samples(&self) -> String {
+        let least = self.facts.film.least_samples();
+        match (self.facts.settings.noise, self.converged()) {
+            (Some(noise), Some(share)) => format!(
+                "{:.0} samples per pixel ({least} to {}), {:.1} % of the pixels within {noise}",
+                self.facts.film.mean_samples(),
+                self.facts.film.most_samples(),
+                (share * 1000.0).floor() / 10.0
+            ),
+            _ => format!("{least} samples per pixel"),
+        }
+    }
+
+    /// The JSON of `--stats`.
+    pub fn json(&self) -> Value {
+        let rays = self.facts.statistics.rays;
+        json!({
+            "scene": self.facts.scene.name,
+            "integrator": self.facts.settings.integrator.name(),
+            "size": self.facts.settings.size,
+            "triangles": self.compiled.world.triangle_count(),
+            "instanced_triangles": self.compiled.world.instanced_triangle_count(),
+            "shapes": self.compiled.world.shape_count(),
+            "instances": self.compiled.world.instance_count(),
+            "lights": self.compiled.lights().len(),
+            "load_seconds": self.load_seconds,
+            "build_seconds": self.build_seconds,
+            "render_seconds": self.render_seconds,
+            "rays": { "camera": rays.camera, "shadow": rays.shadow, "indirect": rays.indirect },
+            "mrays_per_second": self.mrays_per_second(),
+            "tracing_seconds": self.facts.statistics.tracing.as_secs_f64(),
+            "guiding": self.facts.settings.guiding.map(|_| json!({
+                "passes": self.facts.statistics.training_passes,
+                "seconds": self.facts.statistics.training.as_secs_f64(),
+                "regions": self.facts.statistics.guiding_regions,
+                "memory_bytes": self.facts.statistics.guiding_bytes,
+            })),
+            "spp": self.facts.film.least_samples(),
+            "spp_mean": self.facts.film.mean_samples(),
+            "spp_most": self.facts.film.most_samples(),
+            "noise": self.facts.settings.noise,
+            "converged": self.converged(),
+            "complete": self.facts.statistics.is_complete,
+            "invalid_samples": self.facts.statistics.invalid_samples,
+            "cut_paths": self.facts.statistics.cut_paths,
+            "warnings": messages::as_json(&self.warnings),
+            "peak_memory_bytes": peak_memory_bytes(),
+            "estimated_memory_bytes": self.estimated_memory_bytes,
+            "accelerator_memory_bytes": self.compiled.world.memory_bytes(),
+            "threads": self.threads,
+            "simd": self.facts.settings.build.simd.name(),
+            "image_sha256": self.facts.image_sha256,
+            "receipt": self.facts.receipt,
+        })
     }
 
     /// The closing lines on the terminal.
     pub fn print(&self, options: &Options, target: Target) {
-        let [w, h] = self.film.crop.size();
+        let [w, h] = self.facts.film.crop.size();
         let place = match target {
             Target::File(path) => path.display().to_string(),
             Target::Output { .. } => "standard output".into(),
@@ -138,14 +146,14 @@ impl Summary<'_> {
         eprintln!(
             "{place}: {w}x{h}, {}, {} in {} ({:.1} Mrays/s, {} thread{})",
             self.samples(),
-            self.settings.integrator.name(),
+            self.facts.settings.integrator.name(),
             duration(self.render_seconds),
             self.mrays_per_second(),
             self.threads,
             if self.threads == 1 { "" } else { "s" },
         );
-        if self.settings.guiding.is_some() {
-            let statistics = &self.statistics;
+        if self.facts.settings.guiding.is_some() {
+            let statistics = &self.facts.statistics;
             eprintln!(
                 "guided by {} training pass{} in {} ({} regions, {:.1} MB)",
                 statistics.training_passes,
@@ -156,7 +164,7 @@ impl Summary<'_> {
             );
         }
         if options.verbose {
-            let rays = self.statistics.rays;
+            let rays = self.facts.statistics.rays;
             eprintln!(
                 "{} triangles, {} shapes, {} instances, {} lights; read {}, built {}; rays: {} \
                     camera, {} shadow, {} indirect; \
@@ -170,26 +178,27 @@ impl Summary<'_> {
                 rays.camera,
                 rays.shadow,
                 rays.indirect,
-                self.settings.build.simd,
-                self.image_sha256,
+                self.facts.settings.build.simd,
+                self.facts.image_sha256,
             );
         }
-        if self.statistics.invalid_samples > 0 {
+        if self.facts.statistics.invalid_samples > 0 {
             eprintln!(
                 "warning: {}: {} samples were not finite and count as black; lights, colours or \
                     sizes of the scene may be too large",
                 options.scene.display(),
-                self.statistics.invalid_samples
+                self.facts.statistics.invalid_samples
             );
         }
-        let cut_share = self.statistics.cut_paths as f64 / self.statistics.samples.max(1) as f64;
-        if self.settings.max_depth >= Settings::MAX_DEPTH && cut_share > CUT_SHARE {
+        let cut_share =
+            self.facts.statistics.cut_paths as f64 / self.facts.statistics.samples.max(1) as f64;
+        if self.facts.settings.max_depth >= Settings::MAX_DEPTH && cut_share > CUT_SHARE {
             eprintln!(
                 "warning: {}: {:.1} % of the paths were cut short after {} bounces, so light may \
                     be missing; use a larger --max-depth",
                 options.scene.display(),
                 cut_share * 100.0,
-                self.settings.max_depth
+                self.facts.settings.max_depth
             );
         }
         if options.scene == Path::new("cornell-box") && options.output.is_none() {

@@ -168,6 +168,16 @@ fn stl_vertices_are_welded() {
 }
 
 #[test]
+fn faces_of_off_may_take_several_lines() {
+    let mesh =
+        only_mesh("a.off", "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1\n0\n3 0 \n1 \n2\n\n3 0 2\n3\n");
+    assert_eq!(mesh.indices, [[0, 1, 2], [0, 2, 3]]);
+    let cut = read("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0\n1\n");
+    let error = cut.expect_err("a corner is missing").to_string();
+    assert!(error.contains("the file ends where a corner of a face of 3"), "{error}");
+}
+
+#[test]
 fn off_meshes_are_flat() {
     let mesh = only_mesh("a", "# first\nOFF3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n");
     assert!(mesh.normals.is_empty());

@@ -28,6 +28,11 @@ impl<'a> Container<'a> {
         if input.bytes.starts_with(GLB_MAGIC) {
             return open_glb(input);
         }
+        let is_named_binary = input.name.to_lowercase().ends_with(".glb");
+        if is_named_binary && input.bytes.trim_ascii_start().first() != Some(&b'{') {
+            let problem = "this is not a binary glTF (.glb) file: it does not begin with glTF";
+            return Err(input.error(Place::Byte(0), problem, OTHER));
+        }
         Ok(Self { json: parse_json(input, &input.bytes)?, binary: None })
     }
 }
@@ -128,6 +133,8 @@ fn open_glb_1(input: &Input) -> Result<Container<'_>, ReadError> {
     Ok(Container { json: parse_json(input, text)?, binary: Some(body) })
 }
 
+/// Remedy for files of another format.
+const OTHER: &str = "copy or export it again, or give it the extension of its format";
 /// Remedy for files that end too early.
 const CUT_OFF: &str = "the file is cut off: copy or export it again";
 

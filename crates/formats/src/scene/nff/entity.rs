@@ -113,6 +113,7 @@ impl Builder {
             aperture_radius: 0.0,
             focus_distance: 1.0,
             resolution: Some(size),
+            clip: None,
         }
     }
 

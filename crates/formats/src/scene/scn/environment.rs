@@ -87,5 +87,6 @@ fn camera(eye: DVec3, towards: DVec3, up: DVec3, xfov: f64) -> Camera {
         aperture_radius: 0.0,
         focus_distance: 1.0,
         resolution: None,
+        clip: None,
     }
 }

@@ -7,11 +7,12 @@ use crate::{Input, Limits};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
-use snell_math::{DAffine3, DMat3, DVec3, DVec4, Rgb, Vec2, Vec3, Vec4};
+use snell_math::{DAffine3, DVec4, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::MediumId;
 use snell_scene::light::environment::Portal;
 use snell_scene::medium::{CellGrid, CellValue, ColorGrid, Medium, ScalarGrid};
 use snell_scene::texture::Wrap;
+use snell_scene::written::{Rows, affine, rows};
 use snell_scene::{
     Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node,
     NodeId, Pixels, Scene, SceneSettings, Surface, Texture,
@@ -154,9 +155,6 @@ enum PixelForm {
     F32(Numbers<f32>),
 }
 
-/// An affine transform: three rows of four numbers.
-pub(super) type Rows = [[f64; 4]; 3];
-
 /// A node of the scene graph.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -239,16 +237,6 @@ fn identity() -> Rows {
 
 fn is_identity(rows: &Rows) -> bool {
     *rows == identity()
-}
-
-pub(super) fn rows(map: &DAffine3) -> Rows {
-    let (m, t) = (map.matrix3, map.translation);
-    std::array::from_fn(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]])
-}
-
-pub(super) fn affine(rows: &Rows) -> DAffine3 {
-    let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
-    DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
 }
 
 /// Refuses values that would not survive a round trip: numbers that are not finite, and state that

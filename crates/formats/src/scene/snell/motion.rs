@@ -1,6 +1,6 @@
 //! Motion: joints, clips and deformed meshes.
 
-use super::document::{Flaw, Meshes, Rows, affine, flat, rows, vectors};
+use super::document::{Flaw, Meshes, flat, vectors};
 use super::numbers::Numbers;
 use serde::{Deserialize, Serialize};
 use snell_intersect::TriangleMesh;
@@ -11,6 +11,7 @@ use snell_scene::motion::{
     AnimatedTransform, Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph,
     MorphTarget, Motion, Owner, ParameterTrack, Placement, Skin, Switch, Switched, Track,
 };
+use snell_scene::written::{Rows, affine, rows};
 use snell_scene::{Geometry, Node};
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -37,6 +37,9 @@ pub fn cameras(document: &mut Document, top: &mut Vec<usize>) -> Vec<Value> {
         if camera.resolution.is_some() {
             document.output.lose(format!("{who}: the size of its picture is left out"));
         }
+        if camera.clip.is_some() {
+            document.output.lose(format!("{who}: the plane that clips it is left out"));
+        }
         if !camera.name.is_empty() {
             value["name"] = camera.name.clone().into();
         }

@@ -18,6 +18,9 @@ impl File<'_, '_> {
         }
         if let Some(camera) = camera {
             self.camera(camera, size);
+            if camera.clip.is_some() {
+                self.output.lose("the plane that clips the camera is left out");
+            }
         }
         if scene.cameras.len() > 1 {
             self.output.lose("all cameras but the first are left out");

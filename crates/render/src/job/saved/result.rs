@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
 
 /// The mark of the result of a task.
-const MARK: Mark = Mark { what: "result of a task", bytes: *b"snellT01" };
+const MARK: Mark = Mark { what: "result of a task", bytes: *b"snellT02" };
 
 /// Where a result comes from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

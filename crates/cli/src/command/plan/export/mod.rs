@@ -4,8 +4,8 @@ mod kubernetes;
 mod openjd;
 mod slurm;
 
-use super::FolderOption;
 use super::folder::Folder;
+use super::{FolderOption, shown};
 use crate::failure::Failure;
 use crate::standard_output;
 use snell_formats::atomic;
@@ -111,11 +111,15 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// A path as text that may be anywhere in a job, also in a line of comment.
 fn text(path: &Path) -> Result<String, Failure> {
-    path.to_str().map(String::from).ok_or_else(|| {
-        let problem = "a job is text, and this name is not; rename the folder";
-        Failure::Usage(format!("{}: {problem}", path.display()))
-    })
+    let breaks = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}');
+    let problem = match path.to_str() {
+        Some(text) if !text.contains(breaks) => return Ok(text.into()),
+        Some(_) => "a job has lines, and this name has a line break or a control character",
+        None => "a job is text, and this name is not",
+    };
+    Err(Failure::Usage(format!("{}: {problem}; rename it", shown(path))))
 }
 
 /// A name that every scheduler takes, from that of a file.

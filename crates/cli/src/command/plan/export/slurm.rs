@@ -1,6 +1,7 @@
 //! A script for Slurm.
 
 use super::Job;
+use crate::command::plan::shell;
 
 /// The script: an array of workers, which take tasks by leases. A worker that is requeued takes
 /// what is left.
@@ -19,17 +20,28 @@ pub fn script(job: &Job) -> String {
 #SBATCH --nodes=1
 #SBATCH --ntasks=1
 plan={plan}
+worker=
+told=
+code=1
+trap 'told=yes; if [ -n \"$worker\" ]; then kill -TERM \"$worker\" 2>/dev/null; fi' TERM
 snell work \"$plan\" --name \"slurm-$SLURM_ARRAY_JOB_ID-$SLURM_ARRAY_TASK_ID\" \\
     --threads \"${{SLURM_CPUS_PER_TASK:-1}}\" &
 worker=$!
-trap 'kill -TERM $worker' TERM
-wait $worker
-code=$?
-# The first wait ends with the signal, the second with the worker.
-if kill -0 $worker 2>/dev/null; then wait $worker; code=$?; fi
-# 130: it was told to end, and what is done is saved. The rest is for the next run.
-if [ $code -eq 130 ] && [ -n \"$SLURM_JOB_ID\" ]; then scontrol requeue \"$SLURM_JOB_ID\"; fi
-exit $code
+if [ -n \"$told\" ]; then kill -TERM \"$worker\" 2>/dev/null; fi
+# A signal ends a wait, and the next one has the code of the worker. 127: its code is known already.
+while
+    told=
+    wait \"$worker\"
+    last=$?
+    if [ $last -ne 127 ]; then code=$last; fi
+    [ -n \"$told\" ]
+do :; done
+# 130: it was told to end, and what is done is saved. The rest is for the next run. 143: it was told
+# so before it had begun.
+if [ \"$code\" -eq 130 ] || [ \"$code\" -eq 143 ]; then
+    if [ -n \"$SLURM_JOB_ID\" ]; then scontrol requeue \"$SLURM_JOB_ID\"; fi
+fi
+exit \"$code\"
 ",
         name = job.name,
         workers = job.workers,
@@ -37,9 +49,4 @@ exit $code
         merge =
             shell(&format!("snell merge {} --output {}", shell(&job.plan), shell(&job.picture))),
     )
-}
-
-/// A text as one word of a shell.
-fn shell(text: &str) -> String {
-    format!("'{}'", text.replace('\'', r"'\''"))
 }

@@ -1,34 +1,102 @@
 //! Which task a worker takes next.
 
-use super::{Numbered, Worker};
+use super::{End, Numbered, Worker};
 use crate::command::plan::folder::Round;
 use crate::command::plan::leases::{Lease, Other};
 use crate::failure::Failure;
 use snell_math::rng;
 use snell_render::Task;
 use std::collections::BTreeSet;
-use std::hash::{BuildHasher, RandomState};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::time::Duration;
 
 /// A task that takes another worker this many times as long as this one is done twice.
 const STRAGGLER: u32 = 4;
 
+/// After this many attempts at tasks that others have taken meanwhile, the folder is looked at
+/// again: thousands of workers change it quickly.
+const MISSES: usize = 16;
+
+/// A worker looks at no more leases of others at a time. Workers look at different ones, so that
+/// thousands of them that wait for a few do not all read everything.
+const LOOKS: usize = 64;
+
 /// The tasks of a round without results.
 pub(super) struct OpenTasks {
     /// Those that nobody renders.
     pub free: Vec<Numbered>,
-    /// Those that others render.
+    /// Some of those that others render.
     pub leased: Vec<Numbered>,
+    /// True if others have taken so many tasks meanwhile that the folder must be looked at again.
+    pub is_stale: bool,
+}
+
+/// What the names of the files of a round tell of its tasks.
+struct Counts {
+    /// The number of tasks with results.
+    done: usize,
+    /// The number of tasks with results or leases.
+    taken: usize,
+}
+
+impl Counts {
+    fn of(names: &BTreeSet<String>) -> Self {
+        let task = |name: &str| name.split_once('.').map(|(stem, _)| stem.to_string());
+        let is_taken = |name: &&String| name.ends_with(".result") || name.ends_with(".lease");
+        let done = names.iter().filter(|name| name.ends_with(".result")).count();
+        // The files of a task are next to each other.
+        let mut taken: Vec<_> = names.iter().filter(is_taken).filter_map(|n| task(n)).collect();
+        taken.dedup();
+        Self { done, taken: taken.len() }
+    }
+}
+
+fn hash(names: &BTreeSet<String>) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    names.hash(&mut hasher);
+    hasher.finish()
 }
 
 impl Worker<'_> {
+    /// What the files of a picture tell before its scene is made ready, which takes long: that it
+    /// is finished, or that others do what is left of it. `None` if there may be something to do.
+    pub(super) fn glance(&mut self, frame: u32) -> Result<Option<End>, Failure> {
+        if self.options.tasks.is_some() {
+            return Ok(None);
+        }
+        let Some(round) = self.folder.newest_round(frame) else { return Ok(None) };
+        let names = round.names();
+        let (counts, tasks) = (Counts::of(&names), self.folder.plan.tasks as usize);
+        let has_all = |count: usize| !self.folder.plan.has_rounds && count >= tasks;
+        if has_all(counts.done) {
+            return self.end(frame).map(Some);
+        }
+        let is_same = self.busy.get(&frame) == Some(&hash(&names));
+        let is_busy = (is_same || has_all(counts.taken)) && !self.has_late(&round, &names);
+        Ok(is_busy.then_some(End::Busy))
+    }
+
+    /// Notes that nothing is free in a picture, until its files change.
+    pub(super) fn set_busy(&mut self, frame: u32) {
+        if let Some(round) = self.folder.newest_round(frame) {
+            self.busy.insert(frame, hash(&round.names()));
+        }
+    }
+
     /// True if the worker of some task of a round is dead or takes too long.
-    pub(super) fn has_late(&mut self, round: &Round, names: &BTreeSet<String>) -> bool {
+    fn has_late(&mut self, round: &Round, names: &BTreeSet<String>) -> bool {
         let too_long = self.too_long();
-        let leases = names.iter().filter(|name| name.ends_with(".lease"));
+        let mut leases: Vec<_> = names.iter().filter(|name| name.ends_with(".lease")).collect();
+        if !leases.is_empty() {
+            let start = self.key as usize % leases.len();
+            leases.rotate_left(start);
+        }
+        leases.truncate(LOOKS);
         let late = |other| !matches!(other, Other::Alive(time) if time < too_long);
         // Every lease is looked at, because the time of the first look counts.
-        leases.fold(false, |any, name| late(self.leases.look(&round.path.join(name))) | any)
+        leases
+            .into_iter()
+            .fold(false, |any, name| late(self.leases.look(&round.path.join(name))) | any)
     }
 
     /// The time after which a task is done twice.
@@ -47,12 +115,16 @@ impl Worker<'_> {
         left.retain(|(_, task)| !has(task, "result"));
         if self.options.tasks.is_some() {
             left.reverse();
-            return OpenTasks { free: left, leased: Vec::new() };
+            return OpenTasks { free: left, leased: Vec::new(), is_stale: false };
         }
-        let key = rng::hash_combine(self.done, RandomState::new().hash_one(&self.name) as u32);
-        left.sort_by_key(|(number, _)| rng::hash_combine(key, *number));
-        let (leased, free) = left.into_iter().partition(|(_, task)| has(task, "lease"));
-        OpenTasks { free, leased }
+        let (mut leased, mut free): (Vec<Numbered>, Vec<Numbered>) =
+            left.into_iter().partition(|(_, task)| has(task, "lease"));
+        let key = rng::hash_combine(self.key, self.done);
+        free.sort_by_key(|(number, _)| rng::hash_combine(key, *number));
+        // Always the same leases are looked at, because it counts how long they do not change.
+        leased.sort_by_key(|(number, _)| rng::hash_combine(self.key, *number));
+        leased.truncate(LOOKS);
+        OpenTasks { free, leased, is_stale: false }
     }
 
     /// Takes a task that nobody renders. If there is none, takes one whose worker is dead or takes
@@ -62,7 +134,13 @@ impl Worker<'_> {
         round: &Round,
         open: &mut OpenTasks,
     ) -> Result<Option<(u32, Task, Option<Lease>)>, Failure> {
+        let mut misses = 0;
         while let Some((number, task)) = open.free.pop() {
+            if misses >= MISSES {
+                open.is_stale = true;
+                return Ok(None);
+            }
+            misses += 1;
             // Schedulers that number their tasks know that nobody else renders them.
             let lease = match self.options.tasks {
                 Some(_) => None,

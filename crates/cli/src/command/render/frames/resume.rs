@@ -14,6 +14,16 @@ use std::path::{Path, PathBuf};
 /// Number of hexadecimal digits of a SHA-256.
 const HASH_LETTERS: usize = 64;
 
+/// How frames come about.
+#[derive(Clone, Copy)]
+pub enum Making<'a> {
+    /// They are rendered.
+    Rendering,
+    /// They are merged from results. The function gives the hash of a frame's file if that is the
+    /// whole frame already.
+    Merging(&'a dyn Fn(i64) -> Option<String>),
+}
+
 /// The record of the finished frames.
 pub struct Memory {
     path: PathBuf,
@@ -67,6 +77,7 @@ impl Memory {
         fingerprint: String,
         files: &BTreeMap<i64, PathBuf>,
         options: &Options,
+        making: Making,
     ) -> Result<Self, Failure> {
         let path = place.memory();
         let known = read(&path)?;
@@ -87,7 +98,8 @@ impl Memory {
         };
         let goes_on =
             options.resume && known.as_ref().is_some_and(|known| known.fingerprint == fingerprint);
-        if options.resume && !goes_on {
+        let is_render = matches!(making, Making::Rendering);
+        if options.resume && !goes_on && is_render {
             let why = if known.is_some() {
                 "the existing ones were made from other files or options"
             } else {
@@ -102,9 +114,9 @@ impl Memory {
             let is_there = hash.as_ref().is_some_and(|hash| holds(&file, hash));
             if goes_on {
                 if hash.is_some() && !is_there && files.contains_key(&number) && file.exists() {
+                    let again = if is_render { "rendered" } else { "merged" };
                     warn(format!(
-                        "{}: the file has changed since it was written; the frame is rendered \
-                            again",
+                        "{}: the file has changed since it was written; the frame is {again} again",
                         file.display()
                     ));
                 }
@@ -112,6 +124,19 @@ impl Memory {
             } else if waiting && is_there && !files.contains_key(&number) {
                 // Removes the file, which no other command needs.
                 let _ = std::fs::remove_file(file);
+            }
+        }
+        if let (Making::Merging(hash), true) = (making, options.resume && !goes_on) {
+            frames.extend(files.keys().map(|&number| (number, hash(number))));
+            let is_unknown = |number: &i64| frames[number].is_none() && files[number].exists();
+            let unknown: Vec<i64> = files.keys().copied().filter(is_unknown).collect();
+            if let Some(first) = unknown.first() {
+                warn(format!(
+                    "pictures without a receipt by which they are whole and of this plan are \
+                     merged again: {}, the first is {}",
+                    unknown.len(),
+                    files[first].display()
+                ));
             }
         }
         let memory = Self { path, content: Content { fingerprint, frames } };

@@ -30,6 +30,16 @@ fn text_that_is_not_json() {
 }
 
 #[test]
+fn bytes_that_are_no_binary_gltf() {
+    for bytes in [&b"\x07\xc8random"[..], b"", b"solid"] {
+        let folder = std::path::Path::new(".");
+        let read = crate::read_scene_bytes("odd.glb", bytes.to_vec(), folder, &Default::default());
+        let said = read.expect_err("it is none").to_string();
+        assert!(said.contains("this is not a binary glTF (.glb) file"), "{said}");
+    }
+}
+
+#[test]
 fn versions() {
     let error = read_text(r#"{"asset": {"version": "0.8"}}"#).expect_err("an old version");
     assert_snapshot!(error, @r#"test.gltf:1:23: at /asset/version: this is glTF "0.8", expected 2.0; convert it to glTF 2.0, for example with gltf-pipeline or Blender"#);

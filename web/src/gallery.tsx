@@ -1,0 +1,40 @@
+// Scenes to begin with.
+
+import type { JSX } from "preact";
+import { useDismiss } from "./dismiss";
+import { choices, gallery, type Store, steers } from "./store";
+
+/** Scenes to begin with. */
+export function Gallery({ store }: { store: Store }): JSX.Element {
+  useDismiss(true, () => (gallery.value = false), { covers: true });
+  return (
+    <div class="explain gallery" role="dialog" aria-label="scenes to look at">
+      <header>
+        <h2>Choose a scene, or drop a file</h2>
+        <span class="quiet">glb, gltf, ply, obj, stl, off, scn, snell …</span>
+        <span class="space" />
+        <button onClick={() => (gallery.value = false)}>Close</button>
+      </header>
+      <div class="cards">
+        {choices.value?.scenes.map(({ name, description }) => (
+          <button
+            class="card"
+            aria-label={name}
+            disabled={!steers.value}
+            onClick={() => void store.open(`builtin=${encodeURIComponent(name)}`)}
+          >
+            <img
+              src={`thumbnail?scene=${encodeURIComponent(name)}`}
+              alt=""
+              width="288"
+              height="180"
+              loading="lazy"
+            />
+            <strong>{name}</strong>
+            <small class="quiet">{description}</small>
+          </button>
+        ))}
+      </div>
+    </div>
+  );
+}
