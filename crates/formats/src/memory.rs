@@ -71,6 +71,22 @@ impl Available {
     }
 }
 
+impl Available {
+    /// Fails if the stacks of `threads` threads exceed what limits of the process leave. Starting
+    /// them would fail only when no memory is left for anything else. The message has no remedy.
+    pub fn admit_stacks(&self, threads: usize) -> Result<(), String> {
+        match self.limit {
+            Limit::AddressSpace | Limit::Data => {
+                self.admit("a stack for each", threads as u64 * STACK)
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The size in bytes that the standard library gives the stack of a thread.
+const STACK: u64 = 2 << 20;
+
 /// Address space of a thread in bytes: its stack, and the heap that the C library maps for it.
 const SPACE_OF_THREAD: u64 = 68 << 20;
 

@@ -8,9 +8,11 @@ use crate::arrays::{named, whole};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use snell_formats::memory::Available;
 use snell_render::threads;
 use std::any::Any;
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
@@ -95,11 +97,13 @@ impl Threads {
         if let Some(pool) = pools.by_threads.get(&self.0) {
             return Ok(pool.clone());
         }
+        let refused = |why: &dyn Display| {
+            PyRuntimeError::new_err(format!("cannot start {} threads: {why}", self.0))
+        };
+        Available::now().admit_stacks(self.0).map_err(|why| refused(&why))?;
         let name = |i| format!("snell-{i}");
         let pool = ThreadPoolBuilder::new().num_threads(self.0).thread_name(name).build();
-        let pool = Arc::new(pool.map_err(|e| {
-            PyRuntimeError::new_err(format!("cannot start {} threads: {e}", self.0))
-        })?);
+        let pool = Arc::new(pool.map_err(|e| refused(&e))?);
         pools.by_threads.insert(self.0, pool.clone());
         Ok(pool)
     }
