@@ -6,6 +6,7 @@ mod how_tested;
 mod lint;
 mod python;
 mod sanitize;
+mod toolchain;
 mod web;
 
 use std::io::{BufRead, BufReader};
@@ -26,6 +27,8 @@ const HELP: &str = "cargo xtask COMMAND
   Miri; needs a nightly Rust
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
   render|commands, --release
+  cross TARGET COMMAND  run a Cargo command, such as `build --package snell-math`, for another \
+  target; says what to install if something is missing
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
   parameters  write docs/user/parameters.md, settings.md and python/snell/_settings.py; tests say
          when they are out of date
@@ -49,6 +52,7 @@ fn main() -> ExitCode {
         "parameters" => parameters(),
         "sanitize" => sanitize::run(std::env::args().nth(2).as_deref()),
         "fuzz-smoke" => fuzz_smoke::fuzz_smoke(std::env::args().skip(2)),
+        "cross" => cross(std::env::args().skip(2)),
         "how-tested" => {
             how_tested::write().inspect_err(|error| eprintln!("xtask: {error}")).is_ok()
         }
@@ -108,6 +112,25 @@ fn run_quietly(what: &str, mut command: Command) -> bool {
         }
         Err(error) => {
             eprintln!("xtask: {what} could not be started: {error}");
+            false
+        }
+    }
+}
+
+/// Runs a Cargo command for another target.
+fn cross(mut arguments: impl Iterator<Item = String>) -> bool {
+    let (Some(target), Some(command)) = (arguments.next(), arguments.next()) else {
+        eprintln!("xtask: cross needs a target and a command of Cargo: `cross TARGET build`");
+        return false;
+    };
+    match toolchain::Toolchain::of(&target) {
+        Ok(toolchain) => {
+            let mut cargo = toolchain.cargo(&command);
+            cargo.args(arguments);
+            run(&format!("cargo {command} for {target}"), cargo)
+        }
+        Err(error) => {
+            eprintln!("xtask: {error}");
             false
         }
     }
