@@ -10,7 +10,8 @@ class Snell < Formula
 
   def install
     system "cargo", "install", *std_cargo_args(path: "crates/cli")
-    system "cargo", "build", "--release", "--locked", "--package", "snell-capi"
+    system "cargo", "rustc", "--release", "--locked", "--package", "snell-capi",
+           "--crate-type", "cdylib,staticlib"
     lib.install Dir["target/release/libsnell.{a,dylib,so}"]
     include.install "crates/capi/include/snell.h"
     generate_completions_from_executable(bin/"snell", "completions")

@@ -13,13 +13,14 @@ array(4.)
 """
 
 from importlib import import_module as _import_module
-from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from snell._names import NAMES as _NAMES
 
 # Names are imported when they are first used, so that the command `snell`, which is part of this
-# package, starts without NumPy. What type checkers read is compared with the table by a test.
-if _TYPE_CHECKING:
+# package, starts without NumPy. What type checkers read is compared with the table by a test. They
+# know this constant by its name; the module `typing`, which has it too, takes time to import.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
     from snell._bake import Baked, bake
     from snell._cameras import create_rays_pinhole
     from snell._clouds import PointCloud, load_points
