@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
 import shutil
 import signal
 import subprocess
 import sys
-import sysconfig
 import tempfile
 import time
 import venv
@@ -105,13 +105,9 @@ def use(wheel: Path) -> str:
 
 def runs_here(wheel: Path) -> bool:
     """True for wheels of this system and processor."""
-    machine = sysconfig.get_platform().replace("-", "_").replace(".", "_")
-    system, processor = machine.split("_", 1)[0], machine.rsplit("_", 1)[-1]
-    if "x86_64" in machine:
-        processor = "x86_64"
-    platform = wheel.stem.split("-")[-1]
-    family = {"linux": "linux", "macosx": "macosx", "win": "win"}.get(system, system)
-    return family in platform and ("universal2" in platform or platform.endswith(processor))
+    system = {"linux": "linux", "darwin": "macosx", "win32": "win"}.get(sys.platform, sys.platform)
+    tag = wheel.stem.split("-")[-1]
+    return system in tag and tag.endswith(platform.machine().lower())
 
 
 def main(names: list[str]) -> int:
