@@ -8,6 +8,7 @@ mod python;
 mod sanitize;
 mod toolchain;
 mod web;
+mod wheels;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
@@ -23,6 +24,8 @@ const HELP: &str = "cargo xtask COMMAND
          figures of docs/how-it-is-tested.md and, unless --quick, documentation; warnings are errors
   fmt    format everything: Rust, Python and the page
   docs   build the API documentation
+  wheels [TARGET...]  build wheels of the Python package in target/wheels, install those that can \
+  run here where there is no Rust, and use them
   sanitize [address|miri]  tests of the code that is not safe Rust, under AddressSanitizer and \
   Miri; needs a nightly Rust
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
@@ -46,6 +49,7 @@ fn main() -> ExitCode {
         "web-build" => web::build(),
         "lint" => lint::check(std::env::args().nth(2).as_deref() != Some("--quick")),
         "fmt" => lint::format(),
+        "wheels" => wheels::build(std::env::args().skip(2)).unwrap_or(false),
         "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
         "gallery" => gallery(),
         "golden" => golden(),

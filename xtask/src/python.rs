@@ -24,7 +24,7 @@ fn interpreter() -> Option<String> {
 
 /// The environment with everything that the tests need; created if it is absent or its requirements
 /// have changed.
-fn environment(root: &Path) -> Option<PathBuf> {
+pub fn environment(root: &Path) -> Option<PathBuf> {
     let folder = root.join("target/python/venv");
     let programs = folder.join(if cfg!(windows) { "Scripts" } else { "bin" });
     let wanted = std::fs::read_to_string(root.join(REQUIREMENTS)).ok()?;
@@ -71,12 +71,13 @@ fn build(root: &Path, programs: &Path) -> bool {
     run("build of the Python package", build) && placed()
 }
 
-fn root() -> PathBuf {
+/// The root of the repository.
+pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
 /// The Python of an environment, to be run at the root.
-fn python(programs: &Path, arguments: &[&str]) -> Command {
+pub fn python(programs: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(programs.join("python"));
     command
         .args(arguments)
