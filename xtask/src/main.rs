@@ -6,6 +6,7 @@ mod how_tested;
 mod lint;
 mod python;
 mod sanitize;
+mod site;
 mod web;
 
 use std::io::{BufRead, BufReader};
@@ -21,14 +22,16 @@ const HELP: &str = "cargo xtask COMMAND
   lint [--quick]  layout and width of all code, clippy, ruff for Python, Biome for the page, the
          figures of docs/how-it-is-tested.md and, unless --quick, documentation; warnings are errors
   fmt    format everything: Rust, Python and the page
-  docs   build the API documentation
+  docs [--draft]  build the documentation site, target/docs/site, with pictures that the commands
+         of the pages render; --draft renders them with few samples. SNELL names the command that
+         renders, in place of a fresh build
   sanitize [address|miri]  tests of the code that is not safe Rust, under AddressSanitizer and \
   Miri; needs a nightly Rust
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
   render|commands, --release
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
-  parameters  write docs/user/parameters.md, settings.md and python/snell/_settings.py; tests say
-         when they are out of date
+  parameters  write docs/user/settings.md, parameters.md and the pages of docs/user/parameters/, and
+         python/snell/_settings.py; tests say when they are out of date
   gallery  make the pictures of the built-in scenes for the viewer's gallery
   golden make the pictures of golden scenes that changed the new references; look at them before \
   you commit
@@ -43,7 +46,7 @@ fn main() -> ExitCode {
         "web-build" => web::build(),
         "lint" => lint::check(std::env::args().nth(2).as_deref() != Some("--quick")),
         "fmt" => lint::format(),
-        "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
+        "docs" => site::build(std::env::args().skip(2)),
         "gallery" => gallery(),
         "golden" => golden(),
         "parameters" => parameters(),
@@ -139,8 +142,10 @@ fn gallery() -> bool {
 /// Writes the pages of parameters and settings, and the types of settings in Python, from their
 /// declarations.
 fn parameters() -> bool {
-    let mut command =
-        cargo(&["test", "--package", "snell-scene", "--package", "snell-render", "--lib"]);
+    let mut command = cargo(&["test", "--lib"]);
+    for package in ["snell-scene", "snell-render", "snell-formats"] {
+        command.args(["--package", package]);
+    }
     command.arg("reference::").env("SNELL_PARAMETERS", "write");
     run("parameters", command)
 }
