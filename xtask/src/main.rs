@@ -142,11 +142,8 @@ fn gallery() -> bool {
 /// Writes the pages of parameters and settings, and the types of settings in Python, from their
 /// declarations.
 fn parameters() -> bool {
-    let mut command = cargo(&["test", "--lib"]);
-    for package in ["snell-scene", "snell-render", "snell-formats"] {
-        command.args(["--package", package]);
-    }
-    command.arg("reference::").env("SNELL_PARAMETERS", "write");
+    let mut command = cargo(&["test", "--package", "snell-cli", "--test", "pages"]);
+    command.env("SNELL_PARAMETERS", "write");
     run("parameters", command)
 }
 

@@ -50,20 +50,3 @@ fn row(name: &str, extensions: &[&str], reads: bool, writes: bool, about: &str) 
     let (extensions, uses) = (extensions.join(" "), uses.join(", "));
     format!("| {name} | {extensions} | {uses} | {} |\n", about.replace('|', "\\|"))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::path::Path;
-
-    #[test]
-    fn the_table_of_formats_is_what_the_lists_say() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let path = root.join("docs/user/parameters/formats.md");
-        if std::env::var_os("SNELL_PARAMETERS").is_some_and(|wish| wish == "write") {
-            std::fs::write(&path, formats_page()).expect("the page can be written");
-        }
-        let there = std::fs::read_to_string(&path).unwrap_or_default();
-        assert!(there == formats_page(), "formats.md is stale: run cargo xtask parameters");
-    }
-}

@@ -64,7 +64,7 @@ fn made(options: &Options) -> Result<(), String> {
     nav::write_configuration(&folder)?;
     let mut mkdocs = Command::new(programs.join("python"));
     mkdocs.args(["-m", "mkdocs", "--quiet", "build", "--strict", "--clean", "--config-file"]);
-    mkdocs.arg(folder.join("mkdocs.yml"));
+    mkdocs.arg(folder.join("mkdocs.yml")).env("NO_MKDOCS_2_WARNING", "1");
     printed(run("mkdocs", mkdocs))?;
     let site = folder.join("site");
     check::links(&site)?;

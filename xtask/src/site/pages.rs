@@ -9,15 +9,15 @@ use std::path::Path;
 const TOP: [&str; 5] =
     ["ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "THIRD_PARTY.md"];
 
-/// Folders of the site whose pages are made from the source.
-pub const GENERATED: [&str; 2] = ["user/api/python/", "rust/"];
-
 /// Links to a scene of the gallery in the page that needs no server: `None` as long as there is no
 /// such page in the site, else such as `Some("page/?scene=")`.
 const SCENE_PAGE: Option<&str> = None;
 
 /// The sections between these lines are cards of the gallery.
 const GALLERY: [&str; 2] = ["<!-- gallery -->", "<!-- end of the gallery -->"];
+
+/// What the start page has before its text, so that its gallery has the whole width.
+const START_PAGE: &str = "---\nhide:\n  - navigation\n  - toc\n---\n\n";
 
 /// Begins the line above a block of commands whose pictures the site shows.
 const PICTURE: &str = "<!-- picture: ";
@@ -56,6 +56,7 @@ pub fn write(folder: &Path, pictures: &mut Pictures) -> Result<(), String> {
         let text = with_lists_apart(&rewritten(&text, &source, &place, repository.as_deref()));
         let text = with_pictures(&text, &place, pictures)
             .map_err(|error| format!("{}: {error}", source.display()))?;
+        let text = if place == "index.md" { format!("{START_PAGE}{text}") } else { text };
         let target = folder.join(&place);
         std::fs::create_dir_all(target.parent().unwrap_or(folder))
             .and_then(|()| std::fs::write(&target, text))

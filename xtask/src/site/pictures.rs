@@ -33,20 +33,21 @@ impl Pictures {
     /// The file name of the picture that a command renders, which is rendered if it is not there.
     pub fn of(&mut self, command: &str) -> Result<String, String> {
         let mut words = words(command);
-        let at = words.iter().position(|word| word == "-o");
-        let output = at.and_then(|at| words.get(at + 1)).cloned();
-        let output = output.ok_or_else(|| format!("no -o FILE: {command}"))?;
-        let (stem, extension) =
-            output.rsplit_once('.').ok_or_else(|| format!("{output} has no extension"))?;
         if self.is_draft {
             set_samples(&mut words);
         }
+        let at = words.iter().position(|word| word == "-o").map(|option| option + 1);
+        let at = at.filter(|&at| at < words.len());
+        let at = at.ok_or_else(|| format!("there is no -o FILE: {command}"))?;
+        let output = words[at].clone();
+        let (stem, extension) =
+            output.rsplit_once('.').ok_or_else(|| format!("{output} has no extension"))?;
         let name = format!("{stem}-{:016x}.{extension}", key(&words));
         let path = self.folder.join(&name);
         if !path.is_file() {
             println!("{command}");
             let new = self.folder.join(format!("new.{extension}"));
-            words[at.unwrap_or_default() + 1] = new.display().to_string();
+            words[at] = new.display().to_string();
             self.render(&words[1..]).map_err(|error| format!("{command}: {error}"))?;
             std::fs::rename(&new, &path).map_err(|error| format!("{name}: {error}"))?;
         }

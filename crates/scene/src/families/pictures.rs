@@ -147,17 +147,17 @@ const PICTURES: &[(&str, &str, &str)] = &[
     (
         "light",
         "spot",
-        r#"-D 'light.0={"light":"spot","position":[1,5,3],"direction":[-0.2,-0.85,-0.45],"intensity":[70,70,70],"falloff":{"smooth":{"inner":0.25,"outer":0.4}}}'"#,
+        r#"-D 'light.0={"light":"spot","position":[1,5,3],"direction":[-0.2,-0.85,-0.45],"intensity":[70,70,70],"falloff":{"falloff":"smooth","inner":0.25,"outer":0.4}}'"#,
     ),
     (
         "light",
         "profile",
-        r#"-D 'light.0={"light":"profile","position":[0,4.5,1],"world_from_light":[[1,0,0],[0,0,-1],[0,-1,0]],"scale":[12,12,12],"table":{"polar":[0,0.2,0.3,0.4,0.6],"azimuth":[0],"values":[[3,3,3],[2,2,2],[0.5,0.5,0.5],[2,2,2],[0,0,0]]}}'"#,
+        r#"-D 'light.0={"light":"profile","position":[0,4.5,1],"world_from_light":[1,0,0,0,0,-1,0,-1,0],"scale":[12,12,12],"table":{"polar":[0,0.2,0.3,0.4,0.6],"azimuth":[0],"values":[[3,3,3],[2,2,2],[0.5,0.5,0.5],[2,2,2],[0,0,0]]}}'"#,
     ),
     (
         "light",
         "projector",
-        r#"-D 'light.0={"light":"projector","position":[0,5,1.5],"world_from_light":[[1,0,0],[0,0,-1],[0,-1,0]],"scale":[25,25,25],"slide":{"width":3,"height":2,"values":[[1,0.1,0.1],[0.1,1,0.1],[0.1,0.1,1],[1,1,0.1],[0.1,1,1],[1,0.1,1]],"half_size":[0.6,0.4]}}'"#,
+        r#"-D 'light.0={"light":"projector","position":[0,5,1.5],"world_from_light":[1,0,0,0,0,-1,0,-1,0],"scale":[25,25,25],"slide":{"width":3,"height":2,"values":[[1,0.1,0.1],[0.1,1,0.1],[0.1,0.1,1],[1,1,0.1],[0.1,1,1],[1,0.1,1]],"half_size":[0.6,0.4]}}'"#,
     ),
     (
         "light",
