@@ -10,7 +10,7 @@ const FOLDER: &str = "target/wheels";
 /// Builds a wheel for this machine, or for each target named, checks which systems it suits,
 /// installs it where there is no Rust, and uses it. `None` without Python.
 pub fn build(targets: impl Iterator<Item = String>) -> Option<bool> {
-    let programs = python::environment(&python::root())?;
+    let programs = python::test_environment(&python::root())?;
     let started = SystemTime::now();
     let mut targets: Vec<_> = targets.map(Some).collect();
     if targets.is_empty() {
