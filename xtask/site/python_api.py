@@ -115,9 +115,11 @@ def entry(level: int, name: str, thing: object, module: str) -> str:
 
 def constant(name: str, value: object) -> str:
     """A name whose value is no function and no class."""
-    shown = f"one entry for each of {', '.join(f'`{k}`' for k in value)}" if isinstance(
-        value, dict
-    ) else f"`{value!r}`"
+    shown = (
+        f"one entry for each of {', '.join(f'`{k}`' for k in value)}"
+        if isinstance(value, dict)
+        else f"`{value!r}`"
+    )
     return f"## `{name}`\n\nA constant: {shown}.\n\n"
 
 

@@ -7,7 +7,9 @@ mod lint;
 mod python;
 mod sanitize;
 mod site;
+mod toolchain;
 mod web;
+mod wheels;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
@@ -25,10 +27,14 @@ const HELP: &str = "cargo xtask COMMAND
   docs [--draft]  build the documentation site, target/docs/site, with pictures that the commands
          of the pages render; --draft renders them with few samples. SNELL names the command that
          renders, in place of a fresh build
+  wheels [TARGET...]  build wheels of the Python package in target/wheels, install those that can \
+  run here where there is no Rust, and use them
   sanitize [address|miri]  tests of the code that is not safe Rust, under AddressSanitizer and \
   Miri; needs a nightly Rust
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
   render|commands, --release
+  cross TARGET COMMAND  run a Cargo command, such as `build --package snell-math`, for another \
+  target; says what to install if something is missing
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
   parameters  write docs/user/settings.md, parameters.md and the pages of docs/user/parameters/, and
          python/snell/_settings.py; tests say when they are out of date
@@ -47,11 +53,13 @@ fn main() -> ExitCode {
         "lint" => lint::check(std::env::args().nth(2).as_deref() != Some("--quick")),
         "fmt" => lint::format(),
         "docs" => site::build(std::env::args().skip(2)),
+        "wheels" => wheels::build(std::env::args().skip(2)).unwrap_or(false),
         "gallery" => gallery(),
         "golden" => golden(),
         "parameters" => parameters(),
         "sanitize" => sanitize::run(std::env::args().nth(2).as_deref()),
         "fuzz-smoke" => fuzz_smoke::fuzz_smoke(std::env::args().skip(2)),
+        "cross" => cross(std::env::args().skip(2)),
         "how-tested" => {
             how_tested::write().inspect_err(|error| eprintln!("xtask: {error}")).is_ok()
         }
@@ -111,6 +119,25 @@ fn run_quietly(what: &str, mut command: Command) -> bool {
         }
         Err(error) => {
             eprintln!("xtask: {what} could not be started: {error}");
+            false
+        }
+    }
+}
+
+/// Runs a Cargo command for another target.
+fn cross(mut arguments: impl Iterator<Item = String>) -> bool {
+    let (Some(target), Some(command)) = (arguments.next(), arguments.next()) else {
+        eprintln!("xtask: cross needs a target and a command of Cargo: `cross TARGET build`");
+        return false;
+    };
+    match toolchain::Toolchain::of(&target) {
+        Ok(toolchain) => {
+            let mut cargo = toolchain.cargo(&command);
+            cargo.args(arguments);
+            run(&format!("cargo {command} for {target}"), cargo)
+        }
+        Err(error) => {
+            eprintln!("xtask: {error}");
             false
         }
     }

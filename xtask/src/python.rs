@@ -23,7 +23,7 @@ fn interpreter() -> Option<String> {
 }
 
 /// The environment with everything that the tests need.
-fn test_environment(root: &Path) -> Option<PathBuf> {
+pub fn test_environment(root: &Path) -> Option<PathBuf> {
     environment(root, &root.join("target/python/venv"), REQUIREMENTS)
 }
 
@@ -74,12 +74,13 @@ pub fn build(root: &Path, programs: &Path) -> bool {
     run("build of the Python package", build) && placed()
 }
 
-fn root() -> PathBuf {
+/// The root of the repository.
+pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
 /// The Python of an environment, to be run at the root.
-fn python(programs: &Path, arguments: &[&str]) -> Command {
+pub fn python(programs: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(programs.join("python"));
     command
         .args(arguments)

@@ -1,0 +1,192 @@
+//! What it takes to build for a target and to run what was built: a Rust that has the target's
+//! standard library or can build it from source, a linker, and an emulator.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// How to build for one target, and how to run it on this machine.
+pub struct Toolchain {
+    target: String,
+    cargo: PathBuf,
+    environment: Vec<(String, String)>,
+    flags: Vec<&'static str>,
+    /// Which Rust it is, as in `1.96.0`.
+    version: String,
+}
+
+/// What a foreign target needs beside Rust.
+struct Foreign {
+    target: &'static str,
+    /// The linker with its package, where Rust brings none of its own.
+    linkers: &'static [&'static str],
+    linker_package: &'static str,
+    /// The emulator and its arguments, with its package.
+    runner: &'static [&'static str],
+    /// Crates of the standard library to be built where it is not installed.
+    from_source: &'static str,
+}
+
+/// The targets other than this machine that are known to work.
+const FOREIGN: [Foreign; 3] = [
+    Foreign {
+        target: "aarch64-unknown-linux-gnu",
+        linkers: &["aarch64-linux-gnu-gcc"],
+        linker_package: "gcc-aarch64-linux-gnu and g++-aarch64-linux-gnu",
+        runner: &["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"],
+        from_source: "-Zbuild-std=std,panic_unwind",
+    },
+    Foreign {
+        target: "wasm32-unknown-unknown",
+        linkers: &["rust-lld", "wasm-ld-22", "wasm-ld"],
+        linker_package: "lld-22",
+        runner: &["node"],
+        from_source: "-Zbuild-std=std,panic_abort",
+    },
+    Foreign {
+        target: "x86_64-pc-windows-gnu",
+        linkers: &["x86_64-w64-mingw32-gcc"],
+        linker_package: "gcc-mingw-w64-x86-64 and g++-mingw-w64-x86-64",
+        runner: &["wine"],
+        from_source: "-Zbuild-std=std,panic_unwind",
+    },
+];
+
+/// A Rust compiler with its Cargo.
+struct Rust {
+    cargo: PathBuf,
+    rustc: PathBuf,
+    version: String,
+    host: String,
+    sysroot: PathBuf,
+}
+
+impl Rust {
+    /// The Rust in `PATH` (or chosen by the environment), and that of the system, if they are
+    /// there. The first is that of rustup on most machines; Debian's, which cannot add targets, can
+    /// build every standard library with its package of sources.
+    fn all() -> Vec<Self> {
+        let chosen = |name: &str, variable| {
+            std::env::var_os(variable).map_or_else(|| PathBuf::from(name), PathBuf::from)
+        };
+        let pairs = [
+            (chosen("cargo", "CARGO"), chosen("rustc", "RUSTC")),
+            ("/usr/bin/cargo".into(), "/usr/bin/rustc".into()),
+        ];
+        pairs.into_iter().filter_map(|(cargo, rustc)| Self::new(cargo, rustc)).collect()
+    }
+
+    fn new(cargo: PathBuf, rustc: PathBuf) -> Option<Self> {
+        let about = output(Command::new(&rustc).arg("-vV"))?;
+        let field = |name| Some(about.lines().find_map(|l| l.strip_prefix(name))?.to_string());
+        let sysroot = output(Command::new(&rustc).args(["--print", "sysroot"]))?.into();
+        Some(Self { cargo, version: field("release: ")?, host: field("host: ")?, sysroot, rustc })
+    }
+
+    /// Whether the standard library of the target is installed.
+    fn has(&self, target: &str) -> bool {
+        let mut ask = Command::new(&self.rustc);
+        ask.args(["--print", "target-libdir", "--target", target]);
+        let files = output(&mut ask).and_then(|folder| std::fs::read_dir(folder).ok());
+        files
+            .into_iter()
+            .flatten()
+            .flatten()
+            .any(|file| file.file_name().to_str().is_some_and(|n| n.starts_with("libstd-")))
+    }
+
+    /// Whether the sources of the standard library are installed.
+    fn has_sources(&self) -> bool {
+        self.sysroot.join("lib/rustlib/src/rust/library/std/Cargo.toml").exists()
+    }
+
+    /// Whether the compiler brings a linker of its own.
+    fn has_linker(&self, name: &str) -> bool {
+        self.sysroot.join("lib/rustlib").join(&self.host).join("bin").join(name).exists()
+    }
+}
+
+impl Toolchain {
+    /// How to build for a target. An error says what has to be installed.
+    pub fn of(target: &str) -> Result<Self, String> {
+        let all = Rust::all();
+        let Some(first) = all.first() else {
+            return Err("there is no `rustc`: install Rust from https://rustup.rs".into());
+        };
+        if first.host == target {
+            return Ok(first.toolchain(target));
+        }
+        let foreign = FOREIGN.iter().find(|f| f.target == target).ok_or_else(|| {
+            let known = FOREIGN.map(|f| f.target).join(", ");
+            format!("`{target}` is not a target that is known here: {known}")
+        })?;
+        let built = all.iter().find(|rust| rust.has(target));
+        let rust = built.or(all.iter().find(|rust| rust.has_sources())).ok_or_else(|| {
+            format!(
+                "the standard library for {target} is not installed: `rustup target add {target}`, \
+                 or on Debian `apt install cargo-web rustc-web rust-web-src rust-web-llvm`"
+            )
+        })?;
+        let mut toolchain = rust.toolchain(target);
+        if built.is_none() {
+            toolchain.flags.push(foreign.from_source);
+            toolchain.set("RUSTC_BOOTSTRAP", "1");
+        }
+        let found = |name: &&&str| rust.has_linker(name) || is_in_path(name);
+        let linker = foreign.linkers.iter().find(found).ok_or_else(|| {
+            let (name, package) = (foreign.linkers[0], foreign.linker_package);
+            format!("the linker `{name}` for {target} is not installed: `apt install {package}`")
+        })?;
+        let variable = target.to_uppercase().replace('-', "_");
+        toolchain.set(&format!("CARGO_TARGET_{variable}_LINKER"), linker);
+        if !target.starts_with(std::env::consts::ARCH) || !target.contains(std::env::consts::OS) {
+            let runner = foreign.runner.join(" ");
+            toolchain.set(&format!("CARGO_TARGET_{variable}_RUNNER"), &runner);
+        }
+        Ok(toolchain)
+    }
+
+    /// A Cargo command for the target, such as `build`. What it builds is in the folder
+    /// [`artifacts`](Self::artifacts).
+    pub fn cargo(&self, command: &str) -> Command {
+        let mut cargo = Command::new(&self.cargo);
+        cargo.args([command, "--target", &self.target]).args(&self.flags);
+        cargo.args(["--target-dir"]).arg(self.folder());
+        cargo.envs(self.environment.iter().map(|(name, value)| (name, value)));
+        cargo
+    }
+
+    /// The target folder: one for each compiler and target, so that none spoils another's.
+    fn folder(&self) -> PathBuf {
+        Path::new("target/for").join(format!("{}-{}", self.target, self.version))
+    }
+
+    fn set(&mut self, name: &str, value: &str) {
+        self.environment.push((name.into(), value.into()));
+    }
+}
+
+impl Rust {
+    fn toolchain(&self, target: &str) -> Toolchain {
+        let rustc = self.rustc.to_string_lossy().into_owned();
+        Toolchain {
+            target: target.into(),
+            cargo: self.cargo.clone(),
+            environment: vec![("RUSTC".into(), rustc)],
+            flags: Vec::new(),
+            version: self.version.clone(),
+        }
+    }
+}
+
+/// The first line that a command prints, or all of them; `None` if it fails.
+fn output(command: &mut Command) -> Option<String> {
+    let output = command.output().ok().filter(|output| output.status.success())?;
+    Some(String::from_utf8(output.stdout).ok()?.trim().to_string())
+}
+
+fn is_in_path(name: &str) -> bool {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path).any(|folder| {
+        folder.join(name).is_file() || folder.join(name).with_extension("exe").is_file()
+    })
+}
