@@ -16,8 +16,6 @@ import textwrap
 
 MODULES = ("snell", "snell.distributed", "snell.usd", "snell.trimesh", "snell.open3d")
 STUB = pathlib.Path(__file__).parents[2] / "python/snell/_snell.pyi"
-# Members of every array-like thing that say nothing about it.
-DULL = {"__init__", "__module__", "__doc__"}
 
 
 def stub_signatures() -> dict[str, list[str]]:
@@ -93,7 +91,8 @@ def markdown(docstring: str) -> str:
             out.append(line)
         elif not line.startswith(" ") and line.strip():
             name, colon, kind = line.partition(" : ")
-            out += ["", f"* `{name}`" + (f" ({kind.replace('`', '')})" if colon else "")]
+            shown = f" ({kind.replace('`', '')})" if colon else ""
+            out += ["", f"* `{name}`{shown}:"]
         else:
             out.append("    " + line.strip() if line.strip() else "")
         index += 1

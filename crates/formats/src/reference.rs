@@ -6,8 +6,8 @@ use crate::write::WRITERS;
 
 const START: &str = "# Table of formats
 
-The formats of scenes, meshes and pictures that Snell reads and writes. `cargo xtask parameters`
-writes this page from the lists in the source; `snell formats` prints the same.
+This page lists the formats of scenes, meshes and pictures that Snell reads and writes.
+`cargo xtask parameters` writes it from the lists in the source; `snell formats` prints the same.
 [Formats](../formats.md) says what is read from each, and what is approximated.
 
 ## Scenes and meshes

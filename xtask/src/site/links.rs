@@ -76,7 +76,8 @@ fn site_target(
         return Some(target.to_string());
     }
     let wanted = normal(&source.parent().unwrap_or(Path::new("")).join(file));
-    match place_in_site(&wanted) {
+    // The site has no page for a folder.
+    match place_in_site(&wanted).filter(|_| !wanted.is_dir()) {
         Some(wanted) => Some(format!("{}{anchor}", relative(place, &wanted))),
         None => {
             repository.map(|address| format!("{address}/blob/main/{}{anchor}", slashed(&wanted)))

@@ -8,7 +8,7 @@ use std::process::Command;
 use std::time::Instant;
 
 /// Samples per pixel of a draft.
-const DRAFT_SPP: &str = "8";
+const DRAFT_SPP: u32 = 8;
 
 /// The pictures that were asked for.
 pub struct Pictures {
@@ -89,11 +89,13 @@ impl Pictures {
     }
 }
 
-/// Gives a command few samples per pixel.
+/// Gives a command few samples per pixel, if it does not have fewer.
 fn set_samples(words: &mut Vec<String>) {
-    match words.iter().position(|word| word == "--spp") {
-        Some(at) if at + 1 < words.len() => words[at + 1] = DRAFT_SPP.into(),
-        _ => words.extend(["--spp".into(), DRAFT_SPP.into()]),
+    let at = words.iter().position(|word| word == "--spp").map(|option| option + 1);
+    match at.and_then(|at| words.get_mut(at)) {
+        Some(spp) if spp.parse::<u32>().is_ok_and(|spp| spp <= DRAFT_SPP) => {}
+        Some(spp) => *spp = DRAFT_SPP.to_string(),
+        None => words.extend(["--spp".into(), DRAFT_SPP.to_string()]),
     }
     words.retain(|word| word != "--guiding");
 }
@@ -139,7 +141,7 @@ mod tests {
         let mut words = words("snell render a -D 'b={\"c\": 1}' --spp 256 -o a.jpg");
         assert_eq!(words[4], "b={\"c\": 1}");
         set_samples(&mut words);
-        assert_eq!(words[5..7], ["--spp", DRAFT_SPP]);
+        assert_eq!(words[5..7], ["--spp", "8"]);
         assert_ne!(key(&words), key(&words[1..]));
     }
 }

@@ -18,14 +18,11 @@ integrators take.
         let scene = if kind == IntegratorKind::Aov { " --aov normal" } else { "" };
         let command = format!(
             "snell render scenes/balls.scn -i {name}{scene} --size 320x240 --spp 256 \
-            -o integrator-{name}.jpg"
+             -o integrator-{name}.jpg"
         );
         text += &section(name, kind.text(), kind == IntegratorKind::default());
         text += &picture(&format!("the integrator {name}"), &command);
-        text += &format!(
-            "\nDefaults: {} samples per pixel, at most {depth} bounces after the first hit.\n",
-            kind.default_spp()
-        );
+        text += &format!("\nDefaults: `--spp {}` and `--max-depth {depth}`.\n", kind.default_spp());
     }
     text
 }
