@@ -8,6 +8,7 @@ mod wish;
 
 pub use reference::{page, python_types};
 pub use setting::{Form, Heading, Problem, Setting};
+use snell_math::real;
 pub use wish::{Wish, seconds_of};
 
 use crate::film::filter::Filter;
@@ -311,7 +312,7 @@ impl Request {
             crop,
             spp,
             noise: self.noise,
-            noise_floor: Settings::NOISE_FLOOR / exposure.exp2(),
+            noise_floor: Settings::NOISE_FLOOR / real::exp2(exposure),
             progressive: self.time.is_some() || spp > Self::SPP_OF_ONE_PASS,
             seed: self.seed.unwrap_or(default.seed),
             sampler,
