@@ -1,39 +1,21 @@
-"""``python -m snell``: runs the command ``snell``, with the same arguments."""
+"""The command ``snell``, also by ``python -m snell``."""
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
+import signal
 import sys
 
 
-def command() -> str | None:
-    """The path of the command: that of the variable ``SNELL``, beside this Python, or on the
-    path.
-    """
-    own = os.environ.get("SNELL")
-    beside = os.path.join(os.path.dirname(sys.executable), "snell")
-    return shutil.which(own) if own else shutil.which(beside) or shutil.which("snell")
+def main() -> int:
+    """Runs the command with the arguments of this process, and returns its exit code."""
+    # The command watches for Ctrl-C itself. Python's own handler would run after it, and raise.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
 
+    from snell._snell import _run_command
 
-def main(arguments: list[str]) -> int:
-    """Runs the command and returns its exit code; 127 if it is not installed."""
-    path = command()
-    if path is None:
-        wanted = os.environ.get("SNELL")
-        where = f"{wanted} (the variable SNELL) is not a program" if wanted else "it is not on PATH"
-        print(
-            f"snell: the command is not part of the Python package, and {where}. Install it with "
-            "`cargo install --path crates/cli` in Snell's sources, or set SNELL to its path",
-            file=sys.stderr,
-        )
-        return 127
-    if os.name == "posix":
-        sys.stdout.flush()
-        os.execv(path, [path, *arguments])
-    return subprocess.call([path, *arguments])
+    return _run_command(["snell", *sys.argv[1:]], sys.executable or None)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+    raise SystemExit(main())

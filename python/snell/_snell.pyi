@@ -53,6 +53,7 @@ __all__ = [
     "_restore_medium",
     "_restore_pattern",
     "_restore_texture",
+    "_run_command",
     "_time_of_impact",
     "_unpack_scene",
     "_upright",
@@ -111,6 +112,7 @@ def _explain(
     sample: int | None,
     followed: list[str],
 ) -> str: ...
+def _run_command(arguments: Sequence[str], python: str | None) -> int: ...
 def _view(scene: Scene, options: dict[str, Any], port: int, frames_per_second: float) -> View: ...
 def _body_points(scene: Scene, name: str) -> NDArray[np.float64]: ...
 def _closest_pair(

@@ -12,7 +12,13 @@ import snell
 
 REPOSITORY = pathlib.Path(__file__).parents[2]
 FOLDER = REPOSITORY / "docs/user/python"
-PAGES = [*sorted(FOLDER.glob("*.md")), REPOSITORY / "README.md"]
+# The how-tos that have Python in them.
+HOW_TO = [
+    path
+    for path in sorted((REPOSITORY / "docs/user/how-to").glob("*.md"))
+    if "```python" in path.read_text(encoding="utf-8")
+]
+PAGES = [*sorted(FOLDER.glob("*.md")), *HOW_TO, REPOSITORY / "README.md"]
 NOTEBOOKS = sorted((FOLDER / "notebooks").glob("*.ipynb"))
 
 

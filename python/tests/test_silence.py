@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -202,16 +200,3 @@ MESSAGES = [
 def test_messages_say_the_remedy(scene, call, message):
     with pytest.raises((TypeError, ValueError), match=message):
         call(scene)
-
-
-def test_the_module_runs_the_command(tmp_path, monkeypatch):
-    program = tmp_path / "program"
-    program.write_text("#!/bin/sh\necho ran $1\nexit 3\n")
-    program.chmod(0o755)
-    run = [sys.executable, "-m", "snell", "info"]
-    monkeypatch.setenv("SNELL", str(program))
-    done = subprocess.run(run, capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (3, "ran info\n")
-    monkeypatch.setenv("SNELL", str(tmp_path / "nothing"))
-    done = subprocess.run(run, capture_output=True, text=True)
-    assert done.returncode == 127 and "is not a program" in done.stderr

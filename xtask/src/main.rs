@@ -7,8 +7,10 @@ mod how_tested;
 mod lint;
 mod python;
 mod sanitize;
+mod site;
 mod toolchain;
 mod web;
+mod wheels;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
@@ -23,7 +25,11 @@ const HELP: &str = "cargo xtask COMMAND
   lint [--quick]  layout and width of all code, clippy, ruff for Python, Biome for the page, the
          figures of docs/how-it-is-tested.md and, unless --quick, documentation; warnings are errors
   fmt    format everything: Rust, Python and the page
-  docs   build the API documentation
+  docs [--draft]  build the documentation site, target/docs/site, with pictures that the commands
+         of the pages render; --draft renders them with few samples. SNELL names the command that
+         renders, in place of a fresh build
+  wheels [TARGET...]  build wheels of the Python package in target/wheels, install those that can \
+  run here where there is no Rust, and use them
   sanitize [address|miri]  tests of the code that is not safe Rust, under AddressSanitizer and \
   Miri; needs a nightly Rust
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
@@ -33,8 +39,8 @@ const HELP: &str = "cargo xtask COMMAND
   cross TARGET COMMAND  run a Cargo command, such as `build --package snell-math`, for another \
   target; says what to install if something is missing
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
-  parameters  write docs/user/parameters.md, settings.md and python/snell/_settings.py; tests say
-         when they are out of date
+  parameters  write docs/user/settings.md, parameters.md and the pages of docs/user/parameters/, and
+         python/snell/_settings.py; tests say when they are out of date
   gallery  make the pictures of the built-in scenes for the viewer's gallery
   golden make the pictures of golden scenes that changed the new references; look at them before \
   you commit
@@ -49,7 +55,8 @@ fn main() -> ExitCode {
         "web-build" => web::build(),
         "lint" => lint::check(std::env::args().nth(2).as_deref() != Some("--quick")),
         "fmt" => lint::format(),
-        "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
+        "docs" => site::build(std::env::args().skip(2)),
+        "wheels" => wheels::build(std::env::args().skip(2)).unwrap_or(false),
         "gallery" => gallery(),
         "golden" => golden(),
         "parameters" => parameters(),
@@ -166,9 +173,8 @@ fn gallery() -> bool {
 /// Writes the pages of parameters and settings, and the types of settings in Python, from their
 /// declarations.
 fn parameters() -> bool {
-    let mut command =
-        cargo(&["test", "--package", "snell-scene", "--package", "snell-render", "--lib"]);
-    command.arg("reference::").env("SNELL_PARAMETERS", "write");
+    let mut command = cargo(&["test", "--package", "snell-cli", "--test", "pages"]);
+    command.env("SNELL_PARAMETERS", "write");
     run("parameters", command)
 }
 

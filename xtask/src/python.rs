@@ -22,12 +22,16 @@ fn interpreter() -> Option<String> {
     named.into_iter().chain(["python3".into(), "python".into()]).find(is_usable)
 }
 
-/// The environment with everything that the tests need; created if it is absent or its requirements
-/// have changed.
-fn environment(root: &Path) -> Option<PathBuf> {
-    let folder = root.join("target/python/venv");
+/// The environment with everything that the tests need.
+pub fn test_environment(root: &Path) -> Option<PathBuf> {
+    environment(root, &root.join("target/python/venv"), REQUIREMENTS)
+}
+
+/// The programs of a virtual environment with the packages of a list; created if it is absent or
+/// the list has changed.
+pub fn environment(root: &Path, folder: &Path, requirements: &str) -> Option<PathBuf> {
     let programs = folder.join(if cfg!(windows) { "Scripts" } else { "bin" });
-    let wanted = std::fs::read_to_string(root.join(REQUIREMENTS)).ok()?;
+    let wanted = std::fs::read_to_string(root.join(requirements)).ok()?;
     let marker = folder.join("requirements.txt");
     if std::fs::read_to_string(&marker).is_ok_and(|installed| installed == wanted) {
         return Some(programs);
@@ -40,18 +44,17 @@ fn environment(root: &Path) -> Option<PathBuf> {
         return None;
     };
     let mut make = Command::new(python);
-    make.args(["-m", "venv"]).arg(&folder);
+    make.args(["-m", "venv"]).arg(folder);
     let mut install = Command::new(programs.join("python"));
     install
         .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r"])
-        .arg(root.join(REQUIREMENTS));
-    let made = run("virtual environment", make)
-        && run("installation of what the Python tests need", install);
+        .arg(root.join(requirements));
+    let made = run("virtual environment", make) && run("installation of Python packages", install);
     made.then(|| std::fs::write(marker, wanted)).and_then(Result::ok).map(|()| programs)
 }
 
 /// Builds the Rust half and copies it to the folder from which the Python half imports it.
-fn build(root: &Path, programs: &Path) -> bool {
+pub fn build(root: &Path, programs: &Path) -> bool {
     let mut build = build_as_tested(&["--lib"]);
     build.env("PYO3_PYTHON", programs.join("python"));
     let (built, module) = if cfg!(windows) {
@@ -71,12 +74,13 @@ fn build(root: &Path, programs: &Path) -> bool {
     run("build of the Python package", build) && placed()
 }
 
-fn root() -> PathBuf {
+/// The root of the repository.
+pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
 /// The Python of an environment, to be run at the root.
-fn python(programs: &Path, arguments: &[&str]) -> Command {
+pub fn python(programs: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(programs.join("python"));
     command
         .args(arguments)
@@ -98,7 +102,7 @@ pub fn format() -> Option<bool> {
 }
 
 fn ruff(arguments: &[&str]) -> Option<Command> {
-    let programs = environment(&root())?;
+    let programs = test_environment(&root())?;
     let mut command = python(&programs, &["-m", "ruff"]);
     command.args(arguments);
     Some(command)
@@ -108,7 +112,7 @@ fn ruff(arguments: &[&str]) -> Option<Command> {
 /// without Python.
 pub fn test() -> Option<bool> {
     let root = root();
-    let programs = environment(&root)?;
+    let programs = test_environment(&root)?;
     let command = |arguments: &[&str]| python(&programs, arguments);
     let package = ["-m", "maturin", "sdist", "--out", "target/python"];
     let steps: [(&str, &[&str]); 4] = [

@@ -1,10 +1,10 @@
 //! Errors for the user, and their exit codes.
 
+use crate::exit::ExitCode;
 use snell_formats::error::one_line;
 use snell_formats::{ReadError, WriteError};
 use snell_persist::Problem;
 use snell_scene::overrides::{OverrideError, nearest};
-use std::process::ExitCode;
 
 /// An error that ends the command.
 #[derive(Debug, thiserror::Error)]

@@ -8,6 +8,7 @@ mod converter;
 mod process;
 
 use crate::failure::Failure;
+pub use process::prefer_interpreter;
 use process::{Answer, End};
 use snell_formats::open::{self, NamedBy};
 use snell_formats::{Place, ReadError, ReadOptions, read_stage};

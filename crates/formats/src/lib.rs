@@ -24,6 +24,7 @@ pub mod memory;
 pub mod mesh;
 pub mod open;
 pub mod points;
+pub mod reference;
 pub mod scene;
 mod search;
 mod sources;

@@ -17,6 +17,7 @@ mod camera_poses;
 mod cameras;
 mod choice;
 mod columns;
+mod command;
 mod contents;
 mod declared;
 mod distributed;
@@ -80,6 +81,7 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<texture::Texture>()?;
     module.add_class::<texture::Channel>()?;
     module.add_class::<texture::Pattern>()?;
+    module.add_function(wrap_pyfunction!(command::_run_command, module)?)?;
     module.add_function(wrap_pyfunction!(load::load, module)?)?;
     module.add_function(wrap_pyfunction!(load::load_stage, module)?)?;
     module.add_function(wrap_pyfunction!(pickle::_restore, module)?)?;

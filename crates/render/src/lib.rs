@@ -35,6 +35,7 @@ mod lanes;
 pub mod layers;
 pub mod light_sampler;
 pub mod memory;
+mod named;
 mod picture;
 pub mod reference;
 pub mod request;

@@ -2,6 +2,7 @@
 //! the documentation, Python and the viewer iterate over the families, so a new kind or parameter
 //! appears everywhere once it is declared.
 
+mod pictures;
 mod reference;
 
 pub use reference::{describe, reference};

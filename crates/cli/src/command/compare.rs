@@ -1,5 +1,6 @@
 //! `snell compare`: how much two pictures differ.
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::standard_output;
 use snell_formats::error::one_line;
@@ -10,7 +11,6 @@ use snell_formats::image::{WriteOptions, read_image, read_layers, write_image};
 use snell_formats::memory::Available;
 use snell_formats::{Input, ReadOptions};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 /// Options of `snell compare`.
 #[derive(Debug, clap::Args)]

@@ -1,8 +1,8 @@
 //! `snell completions`.
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::standard_output;
-use std::process::ExitCode;
 
 /// Options of `snell completions`.
 #[derive(Debug, clap::Args)]

@@ -1,5 +1,6 @@
 //! `snell convert`: converts a scene to another format.
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::messages::{self, counted};
 use crate::{scene_source, standard_output};
@@ -7,7 +8,6 @@ use serde_json::json;
 use snell_formats::{ReadOptions, Written, check_scene_path, write_scene_as};
 use snell_scene::Warning;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 /// Options of `snell convert`.
 #[derive(Debug, clap::Args)]

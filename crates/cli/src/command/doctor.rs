@@ -1,5 +1,6 @@
 //! `snell doctor`: finds flaws of a scene.
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::resources::admit;
 use crate::{scene_source, standard_output};
@@ -11,7 +12,6 @@ use snell_render::memory::of_scene;
 use snell_scene::Scene;
 use snell_scene::placed::distinct_triangles;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 /// Options of `snell doctor`.
 #[derive(Debug, clap::Args)]

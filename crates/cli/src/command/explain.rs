@@ -1,6 +1,7 @@
 //! `snell explain`: explains the colour of a pixel.
 
 use super::view::{self, Files};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::standard_output;
 use snell_intersect::AcceleratorKind;
@@ -9,7 +10,6 @@ use snell_viewer::explain::{self, Question, Subject};
 use snell_viewer::{Source, Which};
 use std::ffi::OsString;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 /// In scenes with more triangles than this, the ray is followed only through the structure in use,
 /// unless the user asks for others: some structures take long to build.

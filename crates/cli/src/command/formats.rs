@@ -1,12 +1,12 @@
 //! `snell formats`.
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::standard_output;
 use crate::usd;
 use snell_formats::SCENE_READERS;
 use snell_formats::image::IMAGE_FORMATS;
 use snell_formats::write::WRITERS;
-use std::process::ExitCode;
 
 /// Lists the file formats.
 pub fn run() -> Result<ExitCode, Failure> {

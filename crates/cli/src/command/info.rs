@@ -3,6 +3,7 @@
 mod checkpoint;
 mod text;
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::{messages, scene_source, standard_output};
 use serde_json::{Value, json};
@@ -13,7 +14,6 @@ use snell_scene::overrides::nearest;
 use snell_scene::{Geometry, NodeId, Scene};
 use std::collections::{BTreeMap, HashSet};
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 /// Options of `snell info`.
 #[derive(Debug, clap::Args)]

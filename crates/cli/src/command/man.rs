@@ -1,8 +1,8 @@
 //! `snell man`.
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::standard_output;
-use std::process::ExitCode;
 
 /// Prints the manual page (troff), including all sub-commands.
 pub fn run() -> Result<ExitCode, Failure> {

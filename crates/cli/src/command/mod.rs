@@ -15,9 +15,9 @@ mod scenes;
 mod verify;
 mod view;
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::threads;
-use std::process::ExitCode;
 
 /// A sub-command.
 #[derive(Debug, clap::Subcommand)]
@@ -105,9 +105,8 @@ pub fn run(command: Command) -> Result<ExitCode, Failure> {
 
 /// The options of a sub-command as they were given.
 fn matches(name: &str) -> Result<clap::ArgMatches, Failure> {
-    let matches = crate::interface().get_matches();
-    matches
-        .subcommand_matches(name)
+    crate::given()
+        .and_then(|given| given.subcommand_matches(name))
         .cloned()
         .ok_or_else(|| Failure::Other(format!("the options of snell {name} cannot be read again")))
 }

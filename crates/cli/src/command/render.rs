@@ -20,6 +20,7 @@ mod tev;
 
 pub use options::Options;
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::messages::counted;
 use crate::progress::Reporter;
@@ -43,7 +44,6 @@ use snell_viewer::Finished;
 use stage::{Shot, Stage};
 use std::ffi::OsString;
 use std::path::Path;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use summary::{Facts, Summary};

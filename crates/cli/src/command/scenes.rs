@@ -1,9 +1,9 @@
 //! `snell scenes`.
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::standard_output;
 use snell_scene::builtin::BUILTINS;
-use std::process::ExitCode;
 
 /// Lists the built-in scenes.
 pub fn run() -> Result<ExitCode, Failure> {

@@ -5,6 +5,7 @@
 
 use super::plan::folder::Folder;
 use super::render::{self, Merged};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::{standard_output, threads};
 use serde_json::json;
@@ -19,7 +20,6 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::hash::{BuildHasher, RandomState};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 /// The share of wrong tiles for which the probability to find them is told.
 const SHARE: f64 = 0.05;

@@ -1,6 +1,7 @@
 //! `snell view`: shows a scene in the browser.
 
 use super::render::{self, receipt, stage::Stage};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::resources::admit_scene;
 use crate::{interrupt, threads, usd};
@@ -20,7 +21,6 @@ use snell_viewer::{
 use std::ffi::OsString;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 

@@ -7,6 +7,7 @@ use std::ffi::OsStr;
 use std::io::{Read, Result, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 /// Maximum time for reading a stage.
@@ -40,8 +41,19 @@ pub struct Answer {
     pub said: String,
 }
 
-/// The programs `python3` and `python` on the search path. Entries that depend on the working
-/// directory are skipped: relative ones, the current folder and the scene's folder.
+/// The Python that runs this program, if one does.
+static OWN: OnceLock<PathBuf> = OnceLock::new();
+
+/// Makes this Python the first that reads USD stages: the one that a Python package runs in has
+/// `usd-core`, if it was installed with the package.
+pub fn prefer_interpreter(python: PathBuf) {
+    // It is called once, before the command starts.
+    let _ = OWN.set(python);
+}
+
+/// The Python that this program runs in, and the programs `python3` and `python` on the search
+/// path. Entries that depend on the working directory are skipped: relative ones, the current
+/// folder and the scene's folder.
 pub fn interpreters(scene: &Path) -> Vec<PathBuf> {
     let here = [std::env::current_dir().ok(), absolute(scene).parent().map(Path::to_path_buf)];
     let here: Vec<_> =
@@ -57,7 +69,11 @@ pub fn interpreters(scene: &Path) -> Vec<PathBuf> {
         let name = format!("{name}{}", std::env::consts::EXE_SUFFIX);
         folders.iter().map(|folder| folder.join(&name)).find(|program| is_program(program))
     };
-    ["python3", "python"].into_iter().filter_map(find).collect()
+    OWN.get()
+        .cloned()
+        .into_iter()
+        .chain(["python3", "python"].into_iter().filter_map(find))
+        .collect()
 }
 
 fn is_program(path: &Path) -> bool {

@@ -2,50 +2,29 @@
 //! distributed like the filter, so that the sample contributes to one pixel only (Ernst, Stamminger
 //! and Greiner, Filter importance sampling, 2006).
 
+use crate::named::named;
 use snell_math::{DVec2, Vec2, real};
 use std::f64::consts::PI;
 
-/// A separable reconstruction filter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Filter {
-    /// Constant over the pixel.
-    Box,
-    /// Triangle of radius 1.
-    Tent,
-    /// Gaussian of standard deviation 0.5, cut at radius 1.5.
-    Gaussian,
-    /// Mitchell and Netravali's cubic (B = C = 1/3), radius 2. Has negative lobes.
-    Mitchell,
-    /// Blackman-Harris window of radius 1.65.
-    #[default]
-    BlackmanHarris,
-    /// Lanczos-windowed sinc of radius 3. Has negative lobes.
-    Lanczos,
+named! {
+    /// A separable reconstruction filter.
+    pub enum Filter {
+        /// Constant over the pixel.
+        Box = "box",
+        /// Triangle of radius 1.
+        Tent = "tent",
+        /// Gaussian of standard deviation 0.5, cut at radius 1.5.
+        Gaussian = "gaussian",
+        /// Mitchell and Netravali's cubic (B = C = 1/3), radius 2. Has negative lobes.
+        Mitchell = "mitchell",
+        /// Blackman-Harris window of radius 1.65.
+        BlackmanHarris = "blackman-harris" (default),
+        /// Lanczos-windowed sinc of radius 3. Has negative lobes.
+        Lanczos = "lanczos",
+    }
 }
 
 impl Filter {
-    /// All filters.
-    pub const ALL: [Self; 6] = [
-        Self::Box,
-        Self::Tent,
-        Self::Gaussian,
-        Self::Mitchell,
-        Self::BlackmanHarris,
-        Self::Lanczos,
-    ];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Box => "box",
-            Self::Tent => "tent",
-            Self::Gaussian => "gaussian",
-            Self::Mitchell => "mitchell",
-            Self::BlackmanHarris => "blackman-harris",
-            Self::Lanczos => "lanczos",
-        }
-    }
-
     /// True if the filter is negative somewhere.
     pub fn has_negative_lobes(self) -> bool {
         matches!(self, Self::Mitchell | Self::Lanczos)

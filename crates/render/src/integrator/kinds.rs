@@ -29,16 +29,23 @@ pub(crate) enum Family {
 }
 
 macro_rules! integrators {
-    ($($(#[$doc:meta])* $kind:ident: $declared:path,)*) => {
+    ($($(#[doc = $doc:literal])* $kind:ident $(= $default:ident)?: $declared:path,)*) => {
         /// The integrator of a render.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         pub enum IntegratorKind {
-            $($(#[$doc])* $kind,)*
+            $($(#[doc = $doc])* $(#[$default])? $kind,)*
         }
 
         impl IntegratorKind {
             /// All integrators.
             pub const ALL: [Self; [$(stringify!($kind)),*].len()] = [$(Self::$kind),*];
+
+            /// The documentation, in one line.
+            pub fn text(self) -> &'static str {
+                match self {
+                    $(Self::$kind => concat!($($doc),*).trim(),)*
+                }
+            }
 
             fn declared(self) -> &'static Integrator {
                 match self {
@@ -63,8 +70,7 @@ integrators! {
     Ao: ao::AO,
     /// Path tracing with next-event estimation, multiple importance sampling and Russian roulette
     /// (Kajiya, 1986; Veach, 1997).
-    #[default]
-    Path: path::PATH,
+    Path = default: path::PATH,
     /// No light is transported: the picture shows the first of the chosen AOVs.
     Aov: aov::AOV,
 }

@@ -13,35 +13,22 @@ pub use batch::{BATCH, ChosenLights, Receivers};
 pub use bvh::{LightBvh, NONE};
 pub use table::LightTable;
 
+use crate::named::named;
 use snell_math::Vec3;
 use snell_math::simd::Wide;
 use snell_scene::light::LightBounds;
 
-/// How a light is chosen among many.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LightSamplerKind {
-    /// Each light has the same probability.
-    Uniform,
-    /// Each light has a probability in proportion to its emitted power.
-    Power,
-    /// Each light has a probability in proportion to its estimated contribution to the point that
-    /// receives light: from power, distance and angles, with a tree over all lights and all
-    /// triangles of emissive surfaces.
-    #[default]
-    Bvh,
-}
-
-impl LightSamplerKind {
-    /// All kinds of light samplers.
-    pub const ALL: [Self; 3] = [Self::Uniform, Self::Power, Self::Bvh];
-
-    /// The name of the kind on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Uniform => "uniform",
-            Self::Power => "power",
-            Self::Bvh => "bvh",
-        }
+named! {
+    /// How a light is chosen among many.
+    pub enum LightSamplerKind {
+        /// Each light has the same probability.
+        Uniform = "uniform",
+        /// Each light has a probability in proportion to its emitted power.
+        Power = "power",
+        /// Each light has a probability in proportion to its estimated contribution to the point
+        /// that receives light: from power, distance and angles, with a tree over all lights and
+        /// all triangles of emissive surfaces.
+        Bvh = "bvh" (default),
     }
 }
 

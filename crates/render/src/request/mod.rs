@@ -2,10 +2,12 @@
 //! precedence over the scene's, and the scene's over the defaults. The command line and Python both
 //! fill a [`Request`], so they have the same defaults, ranges and errors.
 
+mod choices;
 mod reference;
 mod setting;
 mod wish;
 
+pub use choices::{integrators_page, samplers_page};
 pub use reference::{page, python_types};
 pub use setting::{Form, Heading, Problem, Setting};
 use snell_math::real;

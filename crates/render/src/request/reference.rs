@@ -98,21 +98,6 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::Path;
-
-    #[test]
-    fn the_page_and_the_types_are_what_the_declarations_say() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let files =
-            [("docs/user/settings.md", page()), ("python/snell/_settings.py", python_types())];
-        for (name, text) in files {
-            if std::env::var_os("SNELL_PARAMETERS").is_some_and(|wish| wish == "write") {
-                std::fs::write(root.join(name), &text).expect("the file can be written");
-            }
-            let there = std::fs::read_to_string(root.join(name)).unwrap_or_default();
-            assert!(there == text, "{name} is stale: run cargo xtask parameters");
-        }
-    }
 
     #[test]
     fn every_setting_has_a_text_and_its_own_option() {

@@ -12,38 +12,25 @@ mod zsobol;
 pub use batch::BatchRandoms;
 
 use crate::film::BLOCK;
+use crate::named::named;
 use crate::settings::Settings;
 use snell_math::{Vec2, rng};
 use std::ops::Range;
 
-/// The kind of sampler.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum SamplerKind {
-    /// Independent uniform numbers.
-    Independent,
-    /// Jittered strata, one sample in each (Cook, 1986), with strata permuted between dimensions.
-    Stratified,
-    /// Owen-scrambled Sobol points, padded by two dimensions at a time (Burley, Practical
-    /// hash-based Owen scrambling, JCGT 2020).
-    Sobol,
-    /// Sobol points, distributed among neighbouring pixels so that the error of the picture is blue
-    /// noise (Ahmed and Wonka, 2020).
-    #[default]
-    ZSobol,
-}
-
-impl SamplerKind {
-    /// All samplers.
-    pub const ALL: [Self; 4] = [Self::Independent, Self::Stratified, Self::Sobol, Self::ZSobol];
-
-    /// The sampler's name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Independent => "independent",
-            Self::Stratified => "stratified",
-            Self::Sobol => "sobol",
-            Self::ZSobol => "zsobol",
-        }
+named! {
+    /// The kind of sampler.
+    pub enum SamplerKind {
+        /// Independent uniform numbers.
+        Independent = "independent",
+        /// Jittered strata, one sample in each (Cook, 1986), with strata permuted between
+        /// dimensions.
+        Stratified = "stratified",
+        /// Owen-scrambled Sobol points, padded by two dimensions at a time (Burley, Practical
+        /// hash-based Owen scrambling, JCGT 2020).
+        Sobol = "sobol",
+        /// Sobol points, distributed among neighbouring pixels so that the error of the picture is
+        /// blue noise (Ahmed and Wonka, 2020).
+        ZSobol = "zsobol" (default),
     }
 }
 

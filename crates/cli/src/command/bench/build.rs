@@ -4,6 +4,7 @@ use super::clock::{self, median};
 use super::peer::{Peer, PeerPath, parse_peer};
 use super::scenes::{self, Bench};
 use super::variants;
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::{standard_output, threads};
 use rayon::ThreadPool;
@@ -11,7 +12,6 @@ use serde_json::{Value, json};
 use snell_embree::{BuildQuality, SceneOptions};
 use snell_formats::ReadOptions;
 use snell_intersect::BuildOptions;
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 /// Options of `snell bench build`.

@@ -9,6 +9,7 @@ use super::kinds::{self, Kind, parse_side};
 use super::make_folder;
 use super::scenes::{self, Bench};
 use super::variants;
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::standard_output;
 use serde_json::json;
@@ -19,7 +20,6 @@ use snell_math::{DVec2, Ray, Vec2};
 use snell_scene::Camera;
 use snell_scene::camera::CameraSample;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use ways::{Way, Work};
 
 /// Options of `snell bench coherence`.

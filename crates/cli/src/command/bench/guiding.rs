@@ -1,6 +1,7 @@
 //! `snell bench guiding`: the effect of path guiding at equal time.
 
 use super::{make_folder, scenes};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::{standard_output, threads};
 use serde_json::{Value, json};
@@ -10,7 +11,6 @@ use snell_math::real;
 use snell_render::{CompiledScene, Film, Guiding, IntegratorKind, Job, Settings, Statistics};
 use snell_scene::{Camera, LayeredImage};
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 /// Options of `snell bench guiding`.

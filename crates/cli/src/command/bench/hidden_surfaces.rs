@@ -7,6 +7,7 @@ use super::kinds::{self, parse_side};
 use super::make_folder;
 use super::scenes;
 use super::variants;
+use crate::exit::ExitCode;
 use crate::failure::{Failure, choice};
 use crate::standard_output;
 use serde_json::{Map, Value, json};
@@ -14,7 +15,6 @@ use snell_formats::ReadOptions;
 use snell_intersect::{BuildOptions, World};
 use snell_lab::visible::{self, Characterization, HiddenLines, Method, Prepared, Screen, Seen};
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 /// A pixel centre this close to an edge, in pixels, may be on either side of it for a ray, whose
 /// direction is rounded to `f32`.

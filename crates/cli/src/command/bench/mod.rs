@@ -18,9 +18,9 @@ mod samplers;
 mod scenes;
 mod variants;
 
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use std::path::Path;
-use std::process::ExitCode;
 
 /// A benchmark.
 #[derive(Debug, clap::Subcommand)]

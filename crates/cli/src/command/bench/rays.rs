@@ -6,6 +6,7 @@ use super::kinds::{self, Kind};
 use super::peer::{Peer, PeerPath, contenders, parse_peer};
 use super::scenes::{self, Bench};
 use super::{dump, variants};
+use crate::exit::ExitCode;
 use crate::failure::{Failure, choice};
 use crate::{standard_output, threads};
 use serde_json::{Value, json};
@@ -14,7 +15,6 @@ use snell_formats::ReadOptions;
 use snell_intersect::{BuildOptions, Hit, World};
 use snell_math::Ray;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 /// Options of `snell bench rays`.
 #[derive(Debug, clap::Args)]

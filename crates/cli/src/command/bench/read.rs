@@ -2,6 +2,7 @@
 
 use super::clock::median;
 use super::scenes::short_name;
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::resources::peak_memory_bytes;
 use crate::standard_output;
@@ -10,7 +11,6 @@ use snell_formats::mesh::read_mesh;
 use snell_formats::{Input, ReadOptions, read_scene};
 use snell_scene::{Geometry, Scene};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Instant;
 
 /// Options of `snell bench read`.

@@ -2,6 +2,7 @@
 
 use super::clock::{self, Clock, median, time_pieces};
 use super::{kinds, scenes, variants};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::{standard_output, threads};
 use serde_json::{Value, json};
@@ -10,7 +11,6 @@ use snell_intersect::{BuildOptions, Grouping, Hit};
 use snell_math::Ray;
 use snell_render::job::hit_filter;
 use snell_render::{CompiledScene, IntegratorKind, Job, Recording, Settings};
-use std::process::ExitCode;
 use std::time::Instant;
 
 /// Options of `snell bench render`.

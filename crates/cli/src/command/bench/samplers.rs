@@ -8,6 +8,7 @@ mod blur;
 mod integrands;
 mod plot;
 
+use crate::exit::ExitCode;
 use crate::failure::{Failure, choice};
 use crate::standard_output;
 use integrands::{INTEGRANDS, Integrand};
@@ -16,7 +17,6 @@ use snell_math::real;
 use snell_render::SamplerKind;
 use snell_render::sampler::Sampler;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 /// Options of `snell bench samplers`.
 #[derive(Debug, clap::Args)]

@@ -4,6 +4,7 @@ use super::folder::Folder;
 use super::results::{self, Gaps};
 use super::{shown, word};
 use crate::command::render::{self, Merged, again};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::threads;
 use snell_persist::{Checkpoint, Found, Receipt};
@@ -11,7 +12,6 @@ use snell_render::{Difference, Film, Job, SavedError, Statistics, Underway};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 /// The number of tasks that a message names.
 const NAMED: usize = 8;

@@ -11,6 +11,7 @@ pub mod work;
 
 use crate::command::matches;
 use crate::command::render::{self, receipt};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::scene_source;
 use clap::parser::ValueSource;
@@ -19,7 +20,6 @@ use snell_formats::error::one_line;
 use snell_math::simd::Level;
 use snell_render::{Split, Underway};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 /// The largest number of tasks of a picture, unless the options ask for more.
 const MOST_TASKS: u32 = 256;

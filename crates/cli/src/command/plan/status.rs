@@ -5,6 +5,7 @@ use super::folder::Folder;
 use super::leases::worker_of;
 use super::results;
 use crate::command::render::stage::Stage;
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::standard_output;
 use serde_json::json;
@@ -14,7 +15,6 @@ use snell_math::simd::Level;
 use snell_render::Underway;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 /// The number of pictures that are listed one by one.
 const LISTED: usize = 20;

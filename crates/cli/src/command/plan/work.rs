@@ -8,6 +8,7 @@ use super::FolderOption;
 use super::folder::Folder;
 use super::leases::Leases;
 use crate::command::render::{self, frames::Frame, stage::Stage};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::{interrupt, threads};
 use patience::PAUSES;
@@ -16,7 +17,6 @@ use snell_render::Task;
 use std::collections::{HashMap, HashSet};
 use std::hash::{BuildHasher, RandomState};
 use std::ops::RangeInclusive;
-use std::process::ExitCode;
 use std::time::Duration;
 
 /// With more pictures than this, workers do not begin with the first.

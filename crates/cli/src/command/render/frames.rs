@@ -11,6 +11,7 @@ use super::options::Options;
 use super::output::{self, Target, hex};
 use super::stage::{Shot, Stage};
 use super::{Fate, Outcome, Session, checkpoint, memory, rescue};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::progress::duration;
 use crate::{interrupt, spectrum_file};
@@ -27,7 +28,6 @@ use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Instant;
 pub use values::{FrameRange, Turntable, parse_frames, parse_shutter, parse_turntable};
 

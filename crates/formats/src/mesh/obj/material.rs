@@ -56,8 +56,14 @@ pub fn materials(
     let made_opaque = maker.made_opaque;
     // Without any library, a warning was given already or there was no `mtllib`.
     if !undefined.is_empty() && !library.inputs.is_empty() {
+        let libraries: Vec<&str> = library.inputs.iter().map(|input| &input.name[..]).collect();
+        let remedy = if library.materials.is_empty() {
+            format!("; no newmtl is in {}: is it a material library?", libraries.join(", "))
+        } else {
+            String::new()
+        };
         let message = format!(
-            "{}: the default material was used for materials that are not defined: {}",
+            "{}: the default material was used for materials that are not defined: {}{remedy}",
             input.name,
             listed(&undefined)
         );

@@ -128,6 +128,18 @@ fn a_library_outside_of_the_folder_is_an_error() {
 }
 
 #[test]
+fn a_library_that_is_none_is_named_with_the_materials_it_lacks() {
+    let folder = tempfile::tempdir().expect("a folder for the test");
+    std::fs::write(folder.path().join("m.txt"), "root:x:0:0\n").expect("it is writable");
+    let obj = "mtllib m.txt\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let scene = read_scene_bytes("a.obj", obj.into(), folder.path(), &ReadOptions::default())
+        .expect("it is whole");
+    let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+    assert!(warning.message.contains("\"a\"; no newmtl is in "), "{}", warning.message);
+    assert!(warning.message.ends_with("m.txt: is it a material library?"), "{}", warning.message);
+}
+
+#[test]
 fn statements_that_make_no_sense_are_warnings_with_their_line() {
     let scene = scene_with("newmtl m\nKd red\nfoo\n");
     let messages: Vec<_> =

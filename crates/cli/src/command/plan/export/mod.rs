@@ -6,11 +6,11 @@ mod slurm;
 
 use super::folder::Folder;
 use super::{FolderOption, shown};
+use crate::exit::ExitCode;
 use crate::failure::Failure;
 use crate::standard_output;
 use snell_formats::atomic;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 /// Default number of workers of schedulers that do not number tasks.
 const WORKERS: u32 = 8;

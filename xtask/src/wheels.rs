@@ -1,0 +1,58 @@
+//! The wheels of the Python package, which have the command too: `target/wheels`.
+
+use crate::{python, run};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::SystemTime;
+
+const FOLDER: &str = "target/wheels";
+
+/// Builds a wheel for this machine, or for each target named, checks which systems it suits,
+/// installs it where there is no Rust, and uses it. `None` without Python.
+pub fn build(targets: impl Iterator<Item = String>) -> Option<bool> {
+    let programs = python::test_environment(&python::root())?;
+    let started = SystemTime::now();
+    let mut targets: Vec<_> = targets.map(Some).collect();
+    if targets.is_empty() {
+        targets.push(None);
+    }
+    for target in &targets {
+        let mut maturin = python::python(&programs, &["-m", "maturin", "build", "--release"]);
+        maturin.args(["--out", FOLDER]);
+        maturin.args(target.iter().flat_map(|target| ["--target", target]));
+        if !run("build of the wheel", maturin) {
+            return Some(false);
+        }
+    }
+    let wheels = made_since(&python::root().join(FOLDER), started);
+    wheels.iter().for_each(|wheel| audit(&programs, wheel));
+    let mut check = python::python(&programs, &["packaging/check_wheel.py"]);
+    check.args(&wheels);
+    Some(run("check of the wheels", check))
+}
+
+/// The wheels that were written after this time.
+fn made_since(folder: &Path, time: SystemTime) -> Vec<PathBuf> {
+    let is_new = |path: &PathBuf| {
+        path.extension().is_some_and(|e| e == "whl")
+            && path.metadata().and_then(|known| known.modified()).is_ok_and(|made| made >= time)
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
+    let mut wheels: Vec<_> =
+        entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_new).collect();
+    wheels.sort();
+    wheels
+}
+
+/// Prints which Linux systems a wheel suits, if `auditwheel` is installed.
+fn audit(programs: &Path, wheel: &Path) {
+    if !wheel.to_string_lossy().contains("linux") {
+        return;
+    }
+    let beside = programs.join("auditwheel");
+    let program = if beside.exists() { beside } else { "auditwheel".into() };
+    match Command::new(program).arg("show").arg(wheel).output() {
+        Ok(output) => print!("{}", String::from_utf8_lossy(&output.stdout)),
+        Err(_) => println!("xtask: not audited: auditwheel is not here (pip install auditwheel)"),
+    }
+}
