@@ -34,8 +34,8 @@ const HELP: &str = "cargo xtask COMMAND
   Miri; needs a nightly Rust
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
   render|commands, --release
-  bits [--only COLUMN...]  compare the bits of pictures and hits between SIMD levels, compilers and \
-  processors; writes docs/the-same-bits.md
+  bits [--only COLUMN...]  compare the bits of pictures and hits between SIMD levels, compilers \
+  and processors; writes docs/the-same-bits.md
   cross TARGET COMMAND  run a Cargo command, such as `build --package snell-math`, for another \
   target; says what to install if something is missing
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date

@@ -52,11 +52,12 @@ pub fn slerp(from: DQuat, to: DQuat, s: f64) -> DQuat {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::f64::consts::TAU;
 
     /// A unit vector from two numbers in `[0, 1]`.
     fn direction([u, v]: [f64; 2]) -> DVec3 {
         let z = 2.0 * u - 1.0;
-        (unit_vector(6.28 * v) * (1.0 - z * z).sqrt()).extend(z).normalize()
+        (unit_vector(TAU * v) * (1.0 - z * z).sqrt()).extend(z).normalize()
     }
 
     proptest! {
@@ -68,7 +69,8 @@ mod tests {
             s in 0.0..1.0f64,
         ) {
             let (axis, other) = (direction(u), direction(v));
-            prop_assert!(about(axis, angle).abs_diff_eq(DMat3::from_axis_angle(axis, angle), 1e-14));
+            let turn = DMat3::from_axis_angle(axis, angle);
+            prop_assert!(about(axis, angle).abs_diff_eq(turn, 1e-14));
             prop_assert!(unit_vector(angle).abs_diff_eq(DVec2::from_angle(angle), 1e-15));
             prop_assert!((angle_between(axis, other) - axis.angle_between(other)).abs() < 1e-14);
             let (from, to) = (
