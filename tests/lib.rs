@@ -1,6 +1,8 @@
 //! Shared helpers of the cross-crate tests: concise scenes, rendering, and comparisons of noisy
 //! pictures.
 
+#![expect(clippy::disallowed_methods, reason = "tests need no certain bits")]
+
 pub mod meshes;
 pub mod random_worlds;
 pub mod scenes;

@@ -1,6 +1,8 @@
 //! Tests that need several crates, as one program: it is linked once, and its tests run in
 //! parallel. `cargo test -p snell-tests golden::` runs the tests of one file.
 
+#![expect(clippy::disallowed_methods, reason = "tests need no certain bits")]
+
 mod agreement;
 mod batches;
 mod chi_squared;

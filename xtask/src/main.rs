@@ -1,6 +1,7 @@
 //! The commands for developers and CI, such as `cargo xtask test`. It has no dependencies, so that
 //! it starts at once.
 
+mod bits;
 mod fuzz_smoke;
 mod how_tested;
 mod lint;
@@ -33,6 +34,8 @@ const HELP: &str = "cargo xtask COMMAND
   Miri; needs a nightly Rust
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
   render|commands, --release
+  bits [--only COLUMN...]  compare the bits of pictures and hits between SIMD levels, compilers \
+  and processors; writes docs/the-same-bits.md
   cross TARGET COMMAND  run a Cargo command, such as `build --package snell-math`, for another \
   target; says what to install if something is missing
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
@@ -59,6 +62,7 @@ fn main() -> ExitCode {
         "parameters" => parameters(),
         "sanitize" => sanitize::run(std::env::args().nth(2).as_deref()),
         "fuzz-smoke" => fuzz_smoke::fuzz_smoke(std::env::args().skip(2)),
+        "bits" => bits::run_columns(std::env::args().skip(2)),
         "cross" => cross(std::env::args().skip(2)),
         "how-tested" => {
             how_tested::write().inspect_err(|error| eprintln!("xtask: {error}")).is_ok()

@@ -6,10 +6,16 @@ use std::process::Command;
 
 /// How to build for one target, and how to run it on this machine.
 pub struct Toolchain {
-    target: String,
+    /// The target, or `None` for this machine.
+    target: Option<String>,
+    /// The target folder. Each compiler and target has its own, so that none spoils another's.
+    folder: PathBuf,
     cargo: PathBuf,
     environment: Vec<(String, String)>,
     flags: Vec<&'static str>,
+    /// A program and its arguments, before which nothing built for the target runs here. Empty if
+    /// this machine runs it as it is.
+    runner: Vec<String>,
     /// Which Rust it is, as in `1.96.0`.
     version: String,
 }
@@ -22,6 +28,7 @@ struct Foreign {
     linker_package: &'static str,
     /// The emulator and its arguments, with its package.
     runner: &'static [&'static str],
+    runner_package: &'static str,
     /// Crates of the standard library to be built where it is not installed.
     from_source: &'static str,
 }
@@ -33,6 +40,7 @@ const FOREIGN: [Foreign; 3] = [
         linkers: &["aarch64-linux-gnu-gcc"],
         linker_package: "gcc-aarch64-linux-gnu and g++-aarch64-linux-gnu",
         runner: &["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"],
+        runner_package: "qemu-user",
         from_source: "-Zbuild-std=std,panic_unwind",
     },
     Foreign {
@@ -40,6 +48,7 @@ const FOREIGN: [Foreign; 3] = [
         linkers: &["rust-lld", "wasm-ld-22", "wasm-ld"],
         linker_package: "lld-22",
         runner: &["node"],
+        runner_package: "nodejs",
         from_source: "-Zbuild-std=std,panic_abort",
     },
     Foreign {
@@ -47,9 +56,12 @@ const FOREIGN: [Foreign; 3] = [
         linkers: &["x86_64-w64-mingw32-gcc"],
         linker_package: "gcc-mingw-w64-x86-64 and g++-mingw-w64-x86-64",
         runner: &["wine"],
+        runner_package: "wine64",
         from_source: "-Zbuild-std=std,panic_unwind",
     },
 ];
+
+const NO_RUST: &str = "there is no `rustc`: install Rust from https://rustup.rs";
 
 /// A Rust compiler with its Cargo.
 struct Rust {
@@ -110,10 +122,10 @@ impl Toolchain {
     pub fn of(target: &str) -> Result<Self, String> {
         let all = Rust::all();
         let Some(first) = all.first() else {
-            return Err("there is no `rustc`: install Rust from https://rustup.rs".into());
+            return Err(NO_RUST.into());
         };
         if first.host == target {
-            return Ok(first.toolchain(target));
+            return Self::native();
         }
         let foreign = FOREIGN.iter().find(|f| f.target == target).ok_or_else(|| {
             let known = FOREIGN.map(|f| f.target).join(", ");
@@ -126,7 +138,7 @@ impl Toolchain {
                  or on Debian `apt install cargo-web rustc-web rust-web-src rust-web-llvm`"
             )
         })?;
-        let mut toolchain = rust.toolchain(target);
+        let mut toolchain = rust.toolchain(Some(target));
         if built.is_none() {
             toolchain.flags.push(foreign.from_source);
             toolchain.set("RUSTC_BOOTSTRAP", "1");
@@ -139,25 +151,67 @@ impl Toolchain {
         let variable = target.to_uppercase().replace('-', "_");
         toolchain.set(&format!("CARGO_TARGET_{variable}_LINKER"), linker);
         if !target.starts_with(std::env::consts::ARCH) || !target.contains(std::env::consts::OS) {
+            toolchain.runner = foreign.runner.iter().map(|&word| word.into()).collect();
             let runner = foreign.runner.join(" ");
             toolchain.set(&format!("CARGO_TARGET_{variable}_RUNNER"), &runner);
         }
         Ok(toolchain)
     }
 
+    /// How to build for this machine: as `cargo` does, into the folder `target`.
+    pub fn native() -> Result<Self, String> {
+        let all = Rust::all();
+        let toolchain = all.first().ok_or(NO_RUST)?.toolchain(None);
+        Ok(Self { folder: "target".into(), ..toolchain })
+    }
+
+    /// How to build for this machine by another version of Rust than usual.
+    pub fn other() -> Result<Self, String> {
+        let all = Rust::all();
+        let first = all.first().ok_or(NO_RUST)?;
+        let other = all.iter().find(|rust| rust.version != first.version);
+        Ok(other.ok_or("there is no second Rust in /usr/bin")?.toolchain(None))
+    }
+
+    /// The version of the compiler, as in `1.96.0`.
+    pub fn version(&self) -> &str {
+        &self.version
+    }
+
     /// A Cargo command for the target, such as `build`. What it builds is in the folder
     /// [`artifacts`](Self::artifacts).
     pub fn cargo(&self, command: &str) -> Command {
         let mut cargo = Command::new(&self.cargo);
-        cargo.args([command, "--target", &self.target]).args(&self.flags);
-        cargo.args(["--target-dir"]).arg(self.folder());
+        cargo.arg(command).args(&self.flags).arg("--target-dir").arg(&self.folder);
+        if let Some(target) = &self.target {
+            cargo.args(["--target", target]);
+        }
         cargo.envs(self.environment.iter().map(|(name, value)| (name, value)));
         cargo
     }
 
-    /// The target folder: one for each compiler and target, so that none spoils another's.
-    fn folder(&self) -> PathBuf {
-        Path::new("target/for").join(format!("{}-{}", self.target, self.version))
+    /// The folder of what was built with a profile, such as `release`.
+    pub fn artifacts(&self, profile: &str) -> PathBuf {
+        match &self.target {
+            Some(target) => self.folder.join(target).join(profile),
+            None => self.folder.join(profile),
+        }
+    }
+
+    /// A command that runs a program that was built for the target (for `wasm32`, a script for
+    /// Node.js). An error says what has to be installed.
+    pub fn run(&self, program: &Path) -> Result<Command, String> {
+        let Some((name, arguments)) = self.runner.split_first() else {
+            return Ok(Command::new(program));
+        };
+        if !is_in_path(name) {
+            let foreign = FOREIGN.iter().find(|f| f.runner[0] == name);
+            let package = foreign.map_or("", |f| f.runner_package);
+            return Err(format!("`{name}` is not installed: `apt install {package}`"));
+        }
+        let mut command = Command::new(name);
+        command.args(arguments).arg(program);
+        Ok(command)
     }
 
     fn set(&mut self, name: &str, value: &str) {
@@ -166,13 +220,16 @@ impl Toolchain {
 }
 
 impl Rust {
-    fn toolchain(&self, target: &str) -> Toolchain {
+    fn toolchain(&self, target: Option<&str>) -> Toolchain {
         let rustc = self.rustc.to_string_lossy().into_owned();
+        let folder = format!("{}-{}", target.unwrap_or("here"), self.version);
         Toolchain {
-            target: target.into(),
+            target: target.map(Into::into),
+            folder: Path::new("target/for").join(folder),
             cargo: self.cargo.clone(),
             environment: vec![("RUSTC".into(), rustc)],
             flags: Vec::new(),
+            runner: Vec::new(),
             version: self.version.clone(),
         }
     }

@@ -4,7 +4,7 @@
 use crate::topology::Topology;
 use rayon::prelude::*;
 use snell_intersect::{BuildOptions, Shape, TriangleMesh, World, WorldBuilder};
-use snell_math::{Bounds3d, DVec3};
+use snell_math::{Bounds3d, DVec3, real};
 use snell_scene::placed::{Placed, placed};
 use snell_scene::{Geometry, Material, MaterialId, Scene};
 use std::collections::HashMap;
@@ -258,7 +258,7 @@ fn winding(body: &Body, component: usize, point: DVec3) -> f64 {
         let [a, b, c] = body.mesh.corners(face).map(|p| p.as_dvec3() - point);
         let (la, lb, lc) = (a.length(), b.length(), c.length());
         let volume = a.dot(b.cross(c));
-        2.0 * volume.atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
+        2.0 * real::atan2(volume, la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
     };
     // Sums in blocks of fixed size, so that threads do not change the result.
     let blocks: Vec<usize> = faces.step_by(1 << 14).collect();

@@ -3,6 +3,8 @@
 //!
 //! Cargo runs the benchmark in the crate's folder, so the path must be absolute.
 
+#![expect(clippy::disallowed_methods, reason = "times need no certain bits")]
+
 use snell_formats::{ReadOptions, read_scene_bytes};
 use snell_scene::Geometry;
 use std::fmt::Write;

@@ -8,6 +8,7 @@
 use crate::error::{Place, ReadError};
 use crate::input::Input;
 use snell_math::Rgb;
+use snell_math::real;
 use snell_scene::light::IntensityTable;
 use std::f64::consts::{PI, TAU};
 
@@ -141,14 +142,14 @@ impl Flat {
         };
         let (polar, azimuths) = (angles(STEPS[0], PI), angles(STEPS[1], TAU));
         let mut values = Vec::with_capacity(polar.len() * azimuths.len());
-        for azimuth in &azimuths {
-            for polar in &polar {
-                let ((sin, z), (s, c)) = (polar.sin_cos(), azimuth.sin_cos());
+        for &azimuth in &azimuths {
+            for &polar in &polar {
+                let ((sin, z), (s, c)) = (real::sin_cos(polar), real::sin_cos(azimuth));
                 // Up is azimuth 0, and right, as seen along the axis, azimuth -90 degrees.
                 let (up, right) = (sin * c, -sin * s);
                 let [vertical, horizontal] = match photometry {
-                    Photometry::A => [up.clamp(-1.0, 1.0).asin(), right.atan2(z)],
-                    _ => [up.atan2(z), right.clamp(-1.0, 1.0).asin()],
+                    Photometry::A => [real::asin(up.clamp(-1.0, 1.0)), real::atan2(right, z)],
+                    _ => [real::atan2(up, z), real::asin(right.clamp(-1.0, 1.0))],
                 };
                 let candela = self.at(vertical.to_degrees(), horizontal.to_degrees());
                 values.push(Rgb::splat((candela * factor) as f32));

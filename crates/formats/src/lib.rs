@@ -4,6 +4,10 @@
 //! chosen by the content, then by the extension. To add a format: one new file with a
 //! [`SceneReader`] in `mesh/` or `scene/`, and its two lines in the `mod.rs` there.
 
+#![cfg_attr(
+    test,
+    expect(clippy::disallowed_methods, reason = "tests compare with the standard library")
+)]
 #![forbid(unsafe_code)]
 
 pub mod atomic;

@@ -1,7 +1,7 @@
 //! Tessellates curves: into ribbons, and into tubes where a format has no curves.
 
 use snell_intersect::{Curves, TriangleMesh};
-use snell_math::{DVec4, Vec2, Vec3, Vec4};
+use snell_math::{DVec4, Vec2, Vec3, Vec4, real};
 
 /// Maximum number of pieces of a segment along a curve.
 const ALONG: usize = 8;
@@ -131,7 +131,7 @@ impl<'a> Strip<'a> {
                     (center + across * (radius * (2.0 * u - 1.0)), normal)
                 }
                 None => {
-                    let (sin, cos) = (u * std::f32::consts::TAU).sin_cos();
+                    let (sin, cos) = real::sin_cos(u * std::f32::consts::TAU);
                     let outward = self.side * cos + axis.cross(self.side) * sin;
                     (center + outward * radius, outward)
                 }

@@ -9,6 +9,8 @@
 //!
 //! Cargo runs the benchmark in the crate's folder, so paths must be absolute.
 
+#![expect(clippy::disallowed_methods, reason = "times need no certain bits")]
+
 mod clock;
 
 use snell_intersect::{

@@ -5,6 +5,8 @@
 //! thread, and processor time where Linux provides it. Rays start around the cloud and aim into it.
 //! The best of five batches counts.
 
+#![expect(clippy::disallowed_methods, reason = "times need no certain bits")]
+
 mod clock;
 
 use snell_intersect::{

@@ -27,6 +27,11 @@
 //! # Ok::<(), snell_intersect::WorldError>(())
 //! ```
 
+#![cfg_attr(
+    test,
+    expect(clippy::disallowed_methods, reason = "tests compare with the standard library")
+)]
+
 mod build;
 mod exact;
 pub mod geometry;

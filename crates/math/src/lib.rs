@@ -9,6 +9,11 @@
 //! Maps between spaces are named `to_from`: `world_from_object.point(p_in_object)` is a point in
 //! the world.
 
+#![cfg_attr(
+    test,
+    expect(clippy::disallowed_methods, reason = "tests compare with the standard library")
+)]
+
 pub mod angles;
 pub mod bounds;
 mod disjoint_sets;
@@ -20,8 +25,10 @@ mod kinds;
 pub mod parameters;
 pub mod plane;
 pub mod ray;
+pub mod real;
 pub mod rng;
 pub mod robust;
+pub mod rotation;
 pub mod sampling;
 pub mod simd;
 pub mod spectrum;

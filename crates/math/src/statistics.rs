@@ -1,7 +1,7 @@
 //! Chi-squared tests of whether samples have the claimed density, for the tests of all sampling
 //! code.
 
-use crate::{Frame, Vec3};
+use crate::{Frame, Vec3, real};
 use std::f64::consts::TAU;
 
 /// Minimum expected number of samples in a cell that is judged by itself. Cells with fewer are
@@ -20,31 +20,31 @@ pub fn chi_squared_deviation(found: &[u32], expected: &[f64]) -> f64 {
     let (mut statistic, mut cells, mut pool) = (0.0, 0.0, (0.0, 0.0));
     for (&f, &e) in found.iter().zip(expected) {
         if e >= FEWEST {
-            statistic += (f64::from(f) - e).powi(2) / e;
+            statistic += real::powi(f64::from(f) - e, 2) / e;
             cells += 1.0;
         } else {
             pool = (pool.0 + f64::from(f), pool.1 + e);
         }
     }
     if pool.1 >= FEWEST {
-        statistic += (pool.0 - pool.1).powi(2) / pool.1;
+        statistic += real::powi(pool.0 - pool.1, 2) / pool.1;
         cells += 1.0;
     } else {
         // The pool is too small for the statistic, so that only a large excess counts.
-        statistic += (pool.0 - pool.1 - 2.0 * FEWEST).max(0.0).powi(2) / FEWEST;
+        statistic += real::powi((pool.0 - pool.1 - 2.0 * FEWEST).max(0.0), 2) / FEWEST;
     }
     let degrees: f64 = f64::max(cells - 1.0, 1.0);
     let v = 2.0 / (9.0 * degrees);
-    ((statistic / degrees).cbrt() - (1.0 - v)) / v.sqrt()
+    (real::cbrt(statistic / degrees) - (1.0 - v)) / v.sqrt()
 }
 
 /// The deviation that any of `tests` independent tests exceeds with probability `significance` if
 /// all hypotheses are true (Sidak, Rectangular confidence regions, 1967).
 pub fn sidak_deviation(significance: f64, tests: u32) -> f64 {
-    let tail = -f64::ln_1p(-significance) / f64::from(tests.max(1));
+    let tail = -real::ln_1p(-significance) / f64::from(tests.max(1));
     // The significance of each single test is 1 - (1 - significance)^(1 / tests), computed without
     // cancellation.
-    let tail = -f64::exp_m1(-tail);
+    let tail = -real::exp_m1(-tail);
     let (mut low, mut high) = (-8.0, 9.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
@@ -59,7 +59,7 @@ fn normal_tail(z: f64) -> f64 {
     if z < 0.0 {
         return 1.0 - normal_tail(-z);
     }
-    let density = (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt();
+    let density = real::exp(-0.5 * z * z) / (2.0 * std::f64::consts::PI).sqrt();
     if z < 3.0 {
         let t = 1.0 / (1.0 + 0.231_641_9 * z);
         let c = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
@@ -105,15 +105,16 @@ impl HemisphereCells {
 
     /// The angle from the axis to the border of the hemisphere in this azimuth.
     fn border(&self, phi: f64) -> f64 {
-        let slope = f64::from(self.frame.x.z) * phi.cos() + f64::from(self.frame.y.z) * phi.sin();
-        (self.sign * f64::from(self.frame.z.z)).atan2(-self.sign * slope)
+        let slope =
+            f64::from(self.frame.x.z) * real::cos(phi) + f64::from(self.frame.y.z) * real::sin(phi);
+        real::atan2(self.sign * f64::from(self.frame.z.z), -self.sign * slope)
     }
 
     /// The index of the cell of a unit vector in this hemisphere, below rings times sectors.
     pub fn index(&self, w: Vec3) -> usize {
         let l = self.frame.to_local(w).as_dvec3();
-        let (theta, phi) = (l.truncate().length().atan2(l.z), l.y.atan2(l.x));
-        let t = (theta / self.border(phi)).cbrt() * self.rings as f64;
+        let (theta, phi) = (real::atan2(l.truncate().length(), l.z), real::atan2(l.y, l.x));
+        let t = real::cbrt(theta / self.border(phi)) * self.rings as f64;
         let p = (phi / TAU + 0.5) * self.sectors as f64;
         (t as usize).min(self.rings - 1) * self.sectors + (p as usize).min(self.sectors - 1)
     }
@@ -125,10 +126,10 @@ impl HemisphereCells {
             let phi = TAU * (p - 0.5);
             let border = self.border(phi);
             let theta = border * t * t * t;
-            let (sin, cos) = theta.sin_cos();
+            let (sin, cos) = real::sin_cos(theta);
             let w = self.frame.from_local(Vec3::new(
-                (sin * phi.cos()) as f32,
-                (sin * phi.sin()) as f32,
+                (sin * real::cos(phi)) as f32,
+                (sin * real::sin(phi)) as f32,
                 cos as f32,
             ));
             // A point that rounding moved across the border counts as on it.

@@ -5,6 +5,11 @@
 //! declared in `library.rs`, by hand. Calls into a foreign library need `unsafe`, which is confined
 //! to that file; the public interface is safe.
 
+#![cfg_attr(
+    test,
+    expect(clippy::disallowed_methods, reason = "tests compare with the standard library")
+)]
+
 mod find;
 mod library;
 mod picture;

@@ -6,7 +6,7 @@ use crate::names::Name;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use snell_math::{DMat3, DMat4, DVec3, DVec4};
+use snell_math::{DMat3, DMat4, DVec3, DVec4, rotation::about};
 use snell_scene::Projection;
 use snell_scene::camera::{CameraAxes, Intrinsics};
 
@@ -104,7 +104,7 @@ fn rotation(vector: DVec3) -> DMat3 {
     if angle == 0.0 {
         return DMat3::IDENTITY;
     }
-    DMat3::from_axis_angle(vector / angle, angle)
+    about(vector / angle, angle)
 }
 
 /// The coefficients of a lens as OpenCV gives them: 4, 5, 8, 12 or 14 numbers.

@@ -14,7 +14,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use snell_math::parameters::Kind;
-use snell_math::{DAffine3, DMat3, DVec3, Rgb};
+use snell_math::{DAffine3, DMat3, DVec3, Rgb, real};
 use snell_scene::framing::{turned, upright};
 use snell_scene::light::sky::{Sky, SkyError};
 use snell_scene::{Background, Environment, Scene as Graph};
@@ -185,7 +185,7 @@ impl Scene {
         let py = sun.py();
         let towards = direction(sun, "sun")?;
         let up = up_of(&self.0.contents(py).stage).normalize_or(DVec3::Y);
-        let elevation = towards.dot(up).clamp(-1.0, 1.0).asin().to_degrees();
+        let elevation = real::asin(towards.dot(up).clamp(-1.0, 1.0)).to_degrees();
         // Rounding puts a sun on the horizon below it.
         if elevation < -1e-6 {
             return Err(PyValueError::new_err(format!(

@@ -3,6 +3,8 @@
 //!
 //! `cargo bench -p snell-render --bench shading_speed -- [SCENE...]`
 
+#![expect(clippy::disallowed_methods, reason = "times need no certain bits")]
+
 use snell_intersect::BuildOptions;
 use snell_render::{CompiledScene, Job, Settings};
 use snell_scene::builtin::builtin;

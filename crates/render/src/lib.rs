@@ -17,6 +17,10 @@
 //! assert_eq!(film.image().layers[0].values[0], 0.5);
 //! ```
 
+#![cfg_attr(
+    test,
+    expect(clippy::disallowed_methods, reason = "tests compare with the standard library")
+)]
 #![forbid(unsafe_code)]
 
 mod batch;

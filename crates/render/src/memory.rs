@@ -11,6 +11,7 @@ use crate::film::{BLOCK, FilmSample, TILE};
 use crate::integrator::aov::{Aov, AovKind};
 use crate::settings::{Crop, Settings};
 use snell_intersect::TriangleMesh;
+use snell_math::real;
 use snell_scene::{Environment, Geometry, Image, NodeId, Pixels, Scene};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -75,7 +76,7 @@ impl Estimate {
         let pixels = available.saturating_sub(self.fixed) / self.per_pixel.max(1);
         let [width, height] = self.size.map(f64::from);
         let scale = (pixels as f64 / (width * height)).sqrt().min(1.0);
-        let step = |side: f64| (10f64.powf((side.log10() - 2.0).floor())).max(1.0);
+        let step = |side: f64| (real::powf(10f64, (real::log10(side) - 2.0).floor())).max(1.0);
         let rounded = |side: f64| ((side * scale / step(side)).floor() * step(side)) as u32;
         let size = [rounded(width), rounded(height)];
         (size[0] > 0 && size[1] > 0).then_some(size)

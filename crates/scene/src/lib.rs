@@ -5,6 +5,10 @@
 //! acceleration structures in this crate. Random numbers are arguments, so each part can be tested
 //! alone.
 
+#![cfg_attr(
+    test,
+    expect(clippy::disallowed_methods, reason = "tests compare with the standard library")
+)]
 #![forbid(unsafe_code)]
 
 pub mod bsdf;

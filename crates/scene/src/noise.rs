@@ -1,6 +1,6 @@
 //! Noise functions over space, for clouds and for patterns of stone, waves and wrinkles.
 
-use snell_math::{Vec3, rng};
+use snell_math::{Vec3, real, rng};
 
 /// Gradient noise (Perlin, Improving Noise, SIGGRAPH 2002) with hashed gradients. It is 0 at
 /// integer coordinates, smooth, and within about `[-1, 1]`.
@@ -126,7 +126,7 @@ impl Octaves {
         let count = self.count.min(32);
         let omega = crate::bsdf::bounded(self.omega, 4.0);
         // By Nyquist's theorem, an octave is fully resolved up to half a period per width.
-        let seen = crate::bsdf::bounded(-1.0 - width.max(0.0).log2(), count as f32);
+        let seen = crate::bsdf::bounded(-1.0 - real::log2(width.max(0.0)), count as f32);
         let (mut sum, mut frequency, mut height) = (0.0, 1.0, 1.0);
         for octave in 0..count {
             let t = ((seen - octave as f32 - 0.3) / 0.4).clamp(0.0, 1.0);

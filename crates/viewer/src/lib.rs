@@ -4,6 +4,10 @@
 //! binary) communicates with the server over one WebSocket: see [`protocol`]. The picture at rest
 //! equals the one of `snell render` with the same settings, bit for bit.
 
+#![cfg_attr(
+    test,
+    expect(clippy::disallowed_methods, reason = "tests compare with the standard library")
+)]
 #![forbid(unsafe_code)]
 
 mod animation;

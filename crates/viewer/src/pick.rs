@@ -5,7 +5,7 @@ use crate::face::face;
 use crate::protocol::PickedHit;
 use crate::session::Snapshot;
 use snell_intersect::{SurfaceInteraction, SurfacePoint};
-use snell_math::{Bounds3d, DVec2, Ray, Transform, Vec2};
+use snell_math::{Bounds3d, DVec2, Ray, Transform, Vec2, real};
 use snell_render::CompiledScene;
 use snell_scene::{CameraSample, NodeId, Scene};
 
@@ -26,7 +26,7 @@ pub fn near(
     let ring = |step: u32| {
         let radius = reach * f64::from(step) / f64::from(STEPS);
         let turn = |i: u32| f64::from(i) / f64::from(AROUND) * std::f64::consts::TAU;
-        (0..AROUND).map(turn).map(move |a| [x + radius * a.cos(), y + radius * a.sin()])
+        (0..AROUND).map(turn).map(move |a| [x + radius * real::cos(a), y + radius * real::sin(a)])
     };
     let steps = if reach > 0.0 { STEPS } else { 0 };
     std::iter::once([x, y])

@@ -6,7 +6,7 @@
 
 use crate::surfaces::{Color, PIXELS, Surfaces};
 use rayon::prelude::*;
-use snell_math::{DVec2, Vec3};
+use snell_math::{DVec2, Vec3, real};
 use snell_scene::Camera;
 
 /// The quarter of every pixel that each picture samples, in turn: its column (1 is the right one)
@@ -86,7 +86,7 @@ impl Reconstruction {
         let taps = [(0, 0), (1, 0), (0, 1), (1, 1)]
             .map(|(i, j)| ([columns[i].0, rows[j].0], columns[i].1 * rows[j].1));
         let most = taps.iter().map(|tap| tap.1).fold(0.0, f32::max);
-        Self { taps, certainty: ((most - 0.25) / 0.75).powi(2) }
+        Self { taps, certainty: real::powi((most - 0.25) / 0.75, 2) }
     }
 }
 

@@ -1,6 +1,8 @@
 //! Scene graphs that no file format can express, but the library can: very deep ones, and small
 //! ones that expand to billions.
 
+#![expect(clippy::disallowed_methods, reason = "tests need no certain bits")]
+
 use super::render::{End, render};
 use super::watch::Report;
 use snell_intersect::{TriangleMesh, shape::Sphere};

@@ -7,7 +7,7 @@
 use crate::subject::bounds_inside;
 use crate::{Report, Severity, Subject};
 use rayon::prelude::*;
-use snell_math::{DVec2, DVec3};
+use snell_math::{DVec2, DVec3, real};
 use snell_scene::Material;
 use std::collections::{BTreeMap, HashMap};
 
@@ -283,7 +283,10 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
     let closed = components.map(|c| c.is_closed());
     let insides = materials.map(bounds_inside);
     let scale = |place: u32| {
-        subject.placed[place as usize].world_from_surface.determinant().abs().cbrt().powi(2)
+        real::powi(
+            real::cbrt(subject.placed[place as usize].world_from_surface.determinant().abs()),
+            2,
+        )
     };
     let areas = [components[0].area * scale(a.0), components[1].area * scale(b.0)];
     let (severity, message, remedy) = if insides[0] && insides[1] {

@@ -3,7 +3,7 @@
 use super::material_name;
 use crate::{Report, Severity, Subject};
 use snell_intersect::AcceptAll;
-use snell_math::{Bounds3d, DVec3, Ray};
+use snell_math::{Bounds3d, DVec3, Ray, real, rotation};
 use snell_scene::{Geometry, Light, Material};
 use std::collections::BTreeMap;
 
@@ -77,8 +77,8 @@ fn misses(light: &Light, bounds: &Bounds3d) -> bool {
     if distance <= radius {
         return false;
     }
-    let between = to_center.angle_between(axis);
-    between - (radius / distance).asin() > angle + 1e-6
+    let between = rotation::angle_between(to_center, axis);
+    between - real::asin(radius / distance) > angle + 1e-6
 }
 
 /// The opaque closed surface around a light, if it contains nothing else.
@@ -197,7 +197,7 @@ fn looks_around(
             // there are far away even if something covers the lamp.
             let (height, turn) =
                 (1.0 - 0.7 * (i as f64 + 0.5) / f64::from(PROBES), i as f64 * 2.399_963);
-            let (sin, cos) = turn.sin_cos();
+            let (sin, cos) = real::sin_cos(turn);
             let d = normal * height + (x * cos + y * sin) * (1.0 - height * height).max(0.0).sqrt();
             let start = p + normal * (size * 1e-6);
             let mut ray = Ray::new(start.as_vec3(), d.normalize().as_vec3());

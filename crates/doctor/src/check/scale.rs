@@ -2,6 +2,7 @@
 
 use crate::{Report, Severity, Subject};
 use snell_math::Bounds3d;
+use snell_math::real;
 use snell_scene::Projection;
 
 /// Single precision has about this many steps per unit of size that a surface needs to look smooth.
@@ -93,7 +94,7 @@ fn views(subject: &Subject, size: f64, report: &mut Report) {
         };
         if let Projection::Perspective { tan_half_fov } = camera.projection {
             let widest = tan_half_fov.iter().flatten().fold(0.0f64, |a, &b| a.max(b));
-            let degrees = 2.0 * widest.atan().to_degrees();
+            let degrees = 2.0 * real::atan(widest).to_degrees();
             if !(0.1..=170.0).contains(&degrees) {
                 let message = format!(
                     "an angle of view of {degrees:.2} degrees; was it given in radians, or the \

@@ -5,6 +5,7 @@ use super::counted;
 use crate::subject::{Body, bounds_inside};
 use crate::{Report, Severity, Subject};
 use snell_math::Bounds3;
+use snell_math::real;
 
 /// Checks all meshes, component by component.
 pub fn winding(subject: &Subject, report: &mut Report) {
@@ -43,7 +44,7 @@ fn inside_out(subject: &Subject, body: &Body, report: &mut Report) {
         .filter(|c| c.is_closed() && c.inconsistent_edges == 0 && c.volume < 0.0 && c.faces >= 4)
         .filter(|c| {
             // The volume of flat bodies is only rounding error.
-            c.volume.abs() > 1e-6 * c.area.powf(1.5)
+            c.volume.abs() > 1e-6 * real::powf(c.area, 1.5)
         })
         .filter(|c| {
             !topology.components.iter().any(|o| o.volume > 0.0 && contains(&o.bounds, &c.bounds))

@@ -8,6 +8,7 @@ use super::picture::finite;
 use super::{Display, Tonemap, display_value, flip};
 use rayon::prelude::*;
 use serde::Serialize;
+use snell_math::real;
 use snell_math::spectrum::srgb_to_linear;
 use snell_scene::{Image, Layer, LayeredImage};
 
@@ -199,7 +200,7 @@ pub fn compare(
         mse: sums.squared / values,
         rel_mse: sums.relative / values,
         mse_srgb,
-        psnr: (mse_srgb > 0.0).then(|| -10.0 * mse_srgb.log10()),
+        psnr: (mse_srgb > 0.0).then(|| -10.0 * real::log10(mse_srgb)),
         flip: flip.iter().map(|e| f64::from(*e)).sum::<f64>() / flip.len() as f64,
         max_abs: sums.largest,
         max_at: sums.largest_at,
@@ -247,11 +248,11 @@ pub fn automatic_display(reference: &LinearImage, test: &LinearImage) -> Display
         0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2])
     };
     let lit = reference.pixels.iter().map(luminance).filter(|l| l.is_finite() && *l > 0.0);
-    let (sum, count) = lit.fold((0.0, 0u64), |(sum, count), l| (sum + l.log2(), count + 1));
+    let (sum, count) = lit.fold((0.0, 0u64), |(sum, count), l| (sum + real::log2(l), count + 1));
     let exposure = if count == 0 {
         0.0
     } else {
-        (0.18f64.log2() - sum / count as f64).round().clamp(-32.0, 32.0)
+        (real::log2(0.18f64) - sum / count as f64).round().clamp(-32.0, 32.0)
     };
     Display { exposure, tonemap: Tonemap::Aces, srgb: true }
 }

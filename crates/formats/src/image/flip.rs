@@ -9,6 +9,7 @@
 //! All filters are separable. Pixels beyond the border repeat those at the border.
 
 use rayon::prelude::*;
+use snell_math::real;
 use snell_math::spectrum::srgb_to_linear;
 
 /// Pixels per degree of visual angle: a 0.7 m wide monitor of 3840 pixels, seen from 0.7 m.
@@ -24,7 +25,7 @@ pub fn flip(width: usize, reference: &[[f32; 3]], test: &[[f32; 3]]) -> Vec<f32>
         .map(|i| {
             let colour = range.error(hyab(reference.colour[i], test.colour[i]));
             let feature = feature_error(reference.features[i], test.features[i]);
-            colour.powf(1.0 - feature)
+            real::powf(colour, 1.0 - feature)
         })
         .collect()
 }
@@ -60,11 +61,13 @@ const SENSITIVITY: [[f32; 4]; 3] = [
 /// effect (Sections 4.1.1, 4.1.2).
 fn perceived_colour(width: usize, opponent: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let widest = SENSITIVITY.iter().flat_map(|s| [s[1], s[3]]).fold(0.0, f32::max);
-    let radius = (3.0 * (widest / (2.0 * std::f32::consts::PI.powi(2))).sqrt() * PIXELS_PER_DEGREE)
-        .ceil() as i32;
+    let radius =
+        (3.0 * (widest / (2.0 * real::powi(std::f32::consts::PI, 2))).sqrt() * PIXELS_PER_DEGREE)
+            .ceil() as i32;
     let kernel = |b: f32| -> Vec<f32> {
-        let at =
-            |i: i32| (-(std::f32::consts::PI * i as f32 / PIXELS_PER_DEGREE).powi(2) / b).exp();
+        let at = |i: i32| {
+            real::exp(-real::powi(std::f32::consts::PI * i as f32 / PIXELS_PER_DEGREE, 2) / b)
+        };
         (-radius..=radius).map(at).collect()
     };
     // Four planes: one Gaussian for each of the first two channels, two for the third.
@@ -101,7 +104,7 @@ fn hunt([l, a, b]: [f32; 3]) -> [f32; 3] {
 
 /// The distance of two colours when differences may be large (Section 4.1.2).
 fn hyab(p: [f32; 3], q: [f32; 3]) -> f32 {
-    (p[0] - q[0]).abs() + (p[1] - q[1]).hypot(p[2] - q[2])
+    (p[0] - q[0]).abs() + real::hypot(p[1] - q[1], p[2] - q[2])
 }
 
 /// Maps colour distances to errors from 0 to 1 (Section 4.1.3).
@@ -120,13 +123,15 @@ impl ColourRange {
     fn new() -> Self {
         let perceived = |rgb| hunt(lab_from_xyz(xyz_from_rgb(rgb)));
         Self {
-            largest: hyab(perceived([0.0, 1.0, 0.0]), perceived([0.0, 0.0, 1.0]))
-                .powf(Self::EXPONENT),
+            largest: real::powf(
+                hyab(perceived([0.0, 1.0, 0.0]), perceived([0.0, 0.0, 1.0])),
+                Self::EXPONENT,
+            ),
         }
     }
 
     fn error(&self, distance: f32) -> f32 {
-        let d = distance.powf(Self::EXPONENT);
+        let d = real::powf(distance, Self::EXPONENT);
         let knee = Self::KNEE * self.largest;
         let error = if d < knee {
             Self::ERROR_AT_KNEE / knee * d
@@ -148,12 +153,13 @@ fn features(width: usize, opponent: &[[f32; 3]]) -> Vec<[f32; 2]> {
     let sigma = 0.5 * FEATURE_WIDTH * PIXELS_PER_DEGREE;
     let radius = (3.0 * sigma).ceil() as i32;
     let kernel = |weight: fn(f32, f32) -> f32| -> Vec<f32> {
-        let at = |i: i32| weight(i as f32, sigma) * (-(i as f32 / sigma).powi(2) / 2.0).exp();
+        let at =
+            |i: i32| weight(i as f32, sigma) * real::exp(-real::powi(i as f32 / sigma, 2) / 2.0);
         normalised((-radius..=radius).map(at).collect())
     };
     let smooth = kernel(|_, _| 1.0);
     let edge = kernel(|x, _| -x);
-    let point = kernel(|x, s| (x / s).powi(2) - 1.0);
+    let point = kernel(|x, s| real::powi(x / s, 2) - 1.0);
 
     // Planes: edge in x, point in x, edge in y, point in y.
     let luminance = |p: &[f32; 3]| [(p[0] + 16.0) / 116.0; 4];
@@ -164,7 +170,9 @@ fn features(width: usize, opponent: &[[f32; 3]]) -> Vec<[f32; 2]> {
         &[edge.clone(), point.clone(), smooth.clone(), smooth.clone()],
     );
     let both = filter_columns(width, &rows, &[smooth.clone(), smooth, edge, point]);
-    both.into_par_iter().map(|[ex, px, ey, py]| [ex.hypot(ey), px.hypot(py)]).collect()
+    both.into_par_iter()
+        .map(|[ex, px, ey, py]| [real::hypot(ex, ey), real::hypot(px, py)])
+        .collect()
 }
 
 /// Scales positive and negative weights so that each sum to one (in magnitude).
@@ -279,8 +287,13 @@ fn xyz_from_opponent([luminance, cx, cz]: [f32; 3]) -> [f32; 3] {
 /// Converts CIE XYZ to CIE 1976 L*a*b*.
 fn lab_from_xyz(xyz: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
-    let f =
-        |t: f32| if t > DELTA.powi(3) { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 };
+    let f = |t: f32| {
+        if t > real::powi(DELTA, 3) {
+            real::cbrt(t)
+        } else {
+            t / (3.0 * DELTA * DELTA) + 4.0 / 29.0
+        }
+    };
     let [x, y, z] = std::array::from_fn(|i| f(xyz[i] / WHITE[i]));
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }

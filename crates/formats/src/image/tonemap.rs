@@ -1,11 +1,12 @@
 //! Converts scene-linear values to display values: exposure, tone map, sRGB curve.
 
 use super::{Display, Tonemap};
+use snell_math::real;
 use snell_math::spectrum::linear_to_srgb;
 
 /// Display values, each from 0 to 1, of a scene-linear Rec. 709 colour. NaN counts as 0.
 pub fn display_value(rgb: [f32; 3], display: &Display) -> [f32; 3] {
-    let exposure = (display.exposure as f32).exp2();
+    let exposure = real::exp2(display.exposure as f32);
     let exposed = rgb.map(|v| bounded(v * exposure, f32::MAX));
     let mapped = match display.tonemap {
         Tonemap::None => exposed,
@@ -62,14 +63,14 @@ fn agx(rgb: [f32; 3]) -> [f32; 3] {
     /// The range of the curve in stops around 1.
     const STOPS: [f32; 2] = [-12.47393, 4.026069];
     let curve = |v: f32| {
-        let x = (v.max(f32::MIN_POSITIVE).log2().clamp(STOPS[0], STOPS[1]) - STOPS[0])
+        let x = (real::log2(v.max(f32::MIN_POSITIVE)).clamp(STOPS[0], STOPS[1]) - STOPS[0])
             / (STOPS[1] - STOPS[0]);
         let terms = [-0.00232, 0.1191, 0.4298, -6.868, 31.96, -40.14, 15.5];
         terms.iter().rev().fold(0.0, |sum, c| sum * x + c)
     };
     let inset = multiply(&INSET, rgb.map(|v| v.min(BRIGHTEST)));
     // The curve gives values for a display of gamma 2.2.
-    multiply(&OUTSET, inset.map(curve)).map(|v| v.max(0.0).powf(2.2))
+    multiply(&OUTSET, inset.map(curve)).map(|v| real::powf(v.max(0.0), 2.2))
 }
 
 #[cfg(test)]

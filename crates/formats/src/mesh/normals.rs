@@ -13,7 +13,7 @@ use super::corners::Corners;
 use super::weld;
 use rayon::prelude::*;
 use snell_intersect::TriangleMesh;
-use snell_math::{DisjointSets, Vec3};
+use snell_math::{DisjointSets, Vec3, real};
 
 /// Edges at which faces meet at more than this are sharp, in degrees.
 pub const CREASE_ANGLE: f32 = 40.0;
@@ -103,7 +103,7 @@ impl<'a> Facets<'a> {
         smoothing: &'a [Smoothing],
     ) -> Self {
         let crease = crease_degrees.to_radians();
-        let (crease_cosine, half_cosine) = (crease.cos(), (crease / 2.0).cos());
+        let (crease_cosine, half_cosine) = (real::cos(crease), real::cos(crease / 2.0));
         let (positions, indices) = (&mesh.positions[..], &mesh.indices[..]);
         Self { positions, indices, points, smoothing, crease_cosine, half_cosine }
     }

@@ -3,6 +3,7 @@
 
 use super::Output;
 use snell_math::Rgb;
+use snell_math::real;
 use snell_math::spectrum::Spectrum;
 use snell_scene::Material;
 use snell_scene::bsdf::MicrofacetShape;
@@ -177,7 +178,7 @@ pub fn open_pbr(material: &Material, who: &str, output: &mut Output) -> OpenPbr 
                 base_color: without_spectrum(glass.tint, false),
                 transmission_weight: 1.0.into(),
                 transmission_color: match absorbs {
-                    true => glass.absorption.map(|sigma| (-sigma).exp()).into(),
+                    true => glass.absorption.map(|sigma| real::exp(-sigma)).into(),
                     false => Rgb::WHITE.into(),
                 },
                 transmission_depth: if absorbs { 1.0.into() } else { 0.0.into() },

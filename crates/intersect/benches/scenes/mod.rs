@@ -1,5 +1,7 @@
 //! Meshes for benchmarks, and rays into them.
 
+#![expect(clippy::disallowed_methods, reason = "times need no certain bits")]
+
 use snell_intersect::{AcceptAll, Grouping, Hit, TriangleMesh, World};
 use snell_math::{DMat3, DVec3, Frame, Ray, Vec3, rng, sampling};
 

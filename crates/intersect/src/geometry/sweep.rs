@@ -10,7 +10,7 @@
 
 use super::rounded_cone::{Ball, UnitRay};
 use crate::shape::ShapeSurface;
-use snell_math::{DMat3, DRay, DVec2, DVec3, DVec4};
+use snell_math::{DMat3, DRay, DVec2, DVec3, DVec4, real};
 use std::f64::consts::TAU;
 
 /// The largest distance between a piece of the curve and its chord, relative to the largest radius.
@@ -80,7 +80,7 @@ pub(super) fn tube_surface(
         DVec3::AXES.into_iter().min_by(|a, b| a.dot(chord).abs().total_cmp(&b.dot(chord).abs()));
     let zero =
         reference.unwrap_or(DVec3::X).reject_from(axis).normalize_or(axis.any_orthonormal_vector());
-    let angle = DVec2::new(normal.dot(zero), normal.dot(axis.cross(zero))).to_angle() / TAU;
+    let angle = real::atan2(normal.dot(axis.cross(zero)), normal.dot(zero)) / TAU;
     let along = growth.0 + normal * growth.1;
     let along = (along - normal * along.dot(normal)).try_normalize();
     // At the poles of the round ends the tangent is arbitrary.

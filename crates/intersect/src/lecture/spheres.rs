@@ -10,7 +10,7 @@ use super::box_ray::BoxRay;
 use super::primitives::{Item, PARALLEL, Primitives, bounds_of};
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_with_stack};
 use crate::search::region::Region;
-use snell_math::{Bounds3, DVec3, Vec3};
+use snell_math::{Bounds3, DVec3, Vec3, real};
 
 /// The largest number of primitives in a leaf.
 const LEAF: usize = 4;
@@ -138,8 +138,9 @@ fn split(items: &mut [Item]) -> usize {
             *bounds = bounds.union(&item.bounds());
             *count += 1;
         }
-        let cost =
-            |(bounds, count): &(Bounds3, usize)| f64::from(bounds.radius()).powi(2) * *count as f64;
+        let cost = |(bounds, count): &(Bounds3, usize)| {
+            real::powi(f64::from(bounds.radius()), 2) * *count as f64
+        };
         let join = |a: (Bounds3, usize), b: &(Bounds3, usize)| (a.0.union(&b.0), a.1 + b.1);
         let mut right = [0.0; BINS];
         let mut sum = (Bounds3::EMPTY, 0);

@@ -2,7 +2,7 @@
 
 use super::{Double, DoubleData, Facts, Single};
 use crate::mesh::{DTriangleMesh, TriangleMesh};
-use snell_math::{Bounds3d, DRay, DVec3, Vec3};
+use snell_math::{Bounds3d, DRay, DVec3, Vec3, real};
 
 /// The map `(p - center) * scale` from a group's coordinates to those of its tree, which are within
 /// -1 to 1. Ray parameters are the same in both.
@@ -33,7 +33,7 @@ impl Frame {
         // The power of two that brings the radius to between a half and 1. It is limited to what
         // `f64` can represent.
         let exponent = (radius.to_bits() >> 52) as i32 - 1022;
-        let scale = 2f64.powi((-exponent).clamp(-1000, 1000));
+        let scale = real::powi(2f64, (-exponent).clamp(-1000, 1000));
         Self { center, scale, ..frame }
     }
 

@@ -11,6 +11,7 @@ use crate::precision::Double;
 use crate::search::rays::Rays;
 use crate::world::double::DWorld;
 use snell_math::DRay;
+use snell_math::real;
 
 /// Exponents of ordinary speeds: extents of the world per unit of the ray's parameter.
 const ORDINARY: std::ops::Range<i32> = -40..40;
@@ -54,7 +55,7 @@ impl DWorld {
         let [speed, scale] = self.exponents(ray);
         let is_searched = ray.direction.is_finite() && self.is_extreme(ray);
         let exponent = if is_searched { -(speed + scale) } else { 0 };
-        let factor = 2f64.powi(exponent.clamp(-1000, 1000));
+        let factor = real::powi(2f64, exponent.clamp(-1000, 1000));
         let direction = ray.direction * factor;
         let [t_min, t_max] = [ray.t_min, ray.t_max].map(|t| t / factor);
         (DRay { direction, t_min, t_max, ..*ray }, factor)

@@ -9,7 +9,7 @@ use super::{
 };
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
-use snell_math::{Bounds3d, DRay, DVec2, DVec3};
+use snell_math::{Bounds3d, DRay, DVec2, DVec3, rotation};
 use std::f64::consts::{PI, TAU};
 
 snell_math::declare! {
@@ -59,7 +59,7 @@ pub(super) fn on_ring_at(p: DVec2, radius: f64, inner_radius: f64) -> (DVec2, f6
 /// Maps `u` in `[0, 1)^2` to a point of the ring, in its plane, uniformly by area.
 pub(super) fn sample_ring(u: DVec2, radius: f64, inner_radius: f64) -> DVec2 {
     let rho = (inner_radius * inner_radius * (1.0 - u.x) + radius * radius * u.x).sqrt();
-    DVec2::from_angle(TAU * u.y) * rho
+    rotation::unit_vector(TAU * u.y) * rho
 }
 
 impl Shape for Disk {
@@ -134,7 +134,7 @@ impl Shape for Disk {
         let Self { radius, inner_radius } = *self;
         let position = move |u: f64, v: f64| {
             let radius = radius + (inner_radius - radius) * v;
-            (DVec2::from_angle(u * TAU) * radius).extend(0.0)
+            (rotation::unit_vector(u * TAU) * radius).extend(0.0)
         };
         vec![Patch::round(0, 0.0, position)]
     }

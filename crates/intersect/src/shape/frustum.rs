@@ -9,7 +9,7 @@ use super::{
 };
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
-use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
+use snell_math::{Bounds3d, DRay, DVec2, DVec3, real, robust, rotation};
 use std::f64::consts::{PI, TAU};
 
 snell_math::declare! {
@@ -148,7 +148,7 @@ impl Frustum {
 
     /// Length of the side from rim to rim.
     fn slant(&self) -> f64 {
-        self.height.hypot(self.top_radius - self.bottom_radius)
+        real::hypot(self.height, self.top_radius - self.bottom_radius)
     }
 
     /// Area of side, bottom and top.
@@ -201,7 +201,7 @@ impl Frustum {
         }
         let [bottom, top] = self.ends();
         around(metric, point, |angle| {
-            let (sin, cos) = angle.sin_cos();
+            let (sin, cos) = real::sin_cos(angle);
             let at = |y: f64, radius: f64| DVec3::new(sin * radius, y, cos * radius);
             on_segment(metric, point, at(bottom, self.bottom_radius), at(top, self.top_radius)).0
         })
@@ -331,7 +331,7 @@ impl Shape for Frustum {
                 let (r0, r1) = (self.bottom_radius, self.top_radius);
                 let rho = (r0 * r0 * (1.0 - x) + r1 * r1 * x).sqrt();
                 let s = if rho > 0.0 { x * (r0 + r1) / (r0 + rho) } else { 0.0 };
-                let p = DVec2::from_angle(TAU * u.y) * rho;
+                let p = rotation::unit_vector(TAU * u.y) * rho;
                 DVec3::new(p.y, (s - 0.5) * self.height, p.x)
             }
         };
@@ -345,7 +345,7 @@ impl Shape for Frustum {
     fn patches(&self) -> Vec<Patch> {
         let Self { bottom_radius, top_radius, height, caps } = *self;
         let ring = |u: f64, radius: f64, y: f64| {
-            let (sin, cos) = (u * TAU).sin_cos();
+            let (sin, cos) = real::sin_cos(u * TAU);
             DVec3::new(radius * sin, y, radius * cos)
         };
         let side = move |u: f64, v: f64| {

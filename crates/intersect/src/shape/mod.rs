@@ -39,7 +39,7 @@ pub use sphere::Sphere;
 pub use triangle::Triangle;
 
 use crate::mesh::TriangleMesh;
-use snell_math::{Bounds3d, DRay, DVec2, DVec3};
+use snell_math::{Bounds3d, DRay, DVec2, DVec3, real};
 
 /// A point where a ray meets a shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,7 +131,7 @@ impl ShapeError {
 /// The angle from the x axis of the plane towards its y axis, as a fraction of a full turn in
 /// `[0, 1)`.
 fn turn(d: DVec2) -> f64 {
-    let turns = d.y.atan2(d.x) / std::f64::consts::TAU;
+    let turns = real::atan2(d.y, d.x) / std::f64::consts::TAU;
     // A tiny negative angle would round to a full turn.
     if turns < 0.0 { (turns + 1.0).min(1.0_f64.next_down()) } else { turns }
 }

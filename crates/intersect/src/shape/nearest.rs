@@ -1,7 +1,7 @@
 //! Nearest points on surfaces. Distances are measured after a linear map, so that the result is
 //! nearest *in world space* also for a shape that is stretched or sheared there.
 
-use snell_math::{DMat3, DVec2, DVec3};
+use snell_math::{DMat3, DVec2, DVec3, real, rotation};
 
 /// A point on a shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -210,8 +210,9 @@ pub(super) fn on_ring(
     // Distances within the plane follow from the rows and columns of the Gram matrix for `x` and
     // `y`.
     let g = metric.gram.to_cols_array_2d();
-    let turn = 0.5 * (2.0 * g[x][y]).atan2(g[x][x] - g[y][y]);
-    let axes = [DVec2::from_angle(turn), DVec2::from_angle(turn).perp()];
+    let turn = 0.5 * real::atan2(2.0 * g[x][y], g[x][x] - g[y][y]);
+    let axis = rotation::unit_vector(turn);
+    let axes = [axis, axis.perp()];
     let value = |v: DVec2| g[x][x] * v.x * v.x + 2.0 * g[x][y] * v.x * v.y + g[y][y] * v.y * v.y;
     let q = on_round(axes.map(value), axes.map(|a| a.dot(center)), rim);
     place((axes[0] * q[0] + axes[1] * q[1]).normalize_or(DVec2::X) * rim)
@@ -293,8 +294,8 @@ fn on_round<const N: usize>(g: [f64; N], q: [f64; N], radius: f64) -> [f64; N] {
         let (above, below) = (g[i] * q[i], g[i] + m);
         if above == 0.0 { 0.0 } else { above / below }
     };
-    let length = |m: f64| (0..N).map(|i| part(i, m).powi(2)).sum::<f64>().sqrt();
-    let pull = (0..N).map(|i| (g[i] * q[i]).powi(2)).sum::<f64>().sqrt();
+    let length = |m: f64| (0..N).map(|i| real::powi(part(i, m), 2)).sum::<f64>().sqrt();
+    let pull = (0..N).map(|i| real::powi(g[i] * q[i], 2)).sum::<f64>().sqrt();
     // `m` is kept as its distance from the pole at `-g[least]`, which may be far smaller than `m`.
     let (mut low, mut high) = ((g[least] * q[least]).abs() / radius, pull / radius);
     for _ in 0..200 {
@@ -323,8 +324,8 @@ pub(crate) fn eigen(matrix: &DMat3) -> ([f64; 3], DMat3) {
                 continue;
             }
             let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-            let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-            let c = 1.0 / t.hypot(1.0);
+            let t = theta.signum() / (theta.abs() + real::hypot(theta, 1.0));
+            let c = 1.0 / real::hypot(t, 1.0);
             let s = t * c;
             for column in &mut a {
                 (column[p], column[q]) =

@@ -8,7 +8,7 @@ use super::winding;
 use super::{Metric, Patch, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::{Declared, Kind, Parameter, Range, Value, Visitor};
-use snell_math::{Bounds3d, DRay, DVec2, DVec3};
+use snell_math::{Bounds3d, DRay, DVec2, DVec3, real, rotation};
 use std::f64::consts::TAU;
 
 /// A convex planar polygon. The right-hand rule on its vertices gives the normal; it is hit from
@@ -169,7 +169,7 @@ impl Polygon {
     pub fn examples() -> Vec<Self> {
         let v = DVec3::new;
         let tilted = |i: i32| {
-            let p = DVec2::from_angle(TAU * f64::from(i) / 17.0) * DVec2::new(3.0, 1.0);
+            let p = rotation::unit_vector(TAU * f64::from(i) / 17.0) * DVec2::new(3.0, 1.0);
             v(1.0, 2.0, 3.0) + v(0.6, 0.0, 0.8) * p.x + v(0.64, 0.6, -0.48) * p.y
         };
         let sets = [
@@ -241,7 +241,7 @@ fn check_convex(corners: &[DVec3], normal: DVec3, extent: f64) -> Result<(), Pol
         let (sin, cos) = (before.cross(after).dot(normal), before.dot(after));
         // How far the corner lies inside the line between its neighbours.
         let dent = -sin / (before + after).length().max(f64::MIN_POSITIVE);
-        turned += sin.atan2(cos);
+        turned += real::atan2(sin, cos);
         if dent > Polygon::TOLERANCE * extent || (sin <= 0.0 && cos < 0.0) || turned > TAU + 0.1 {
             return Err(PolygonError::NotConvex(i));
         }

@@ -8,7 +8,7 @@ use super::{
 };
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
-use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
+use snell_math::{Bounds3d, DRay, DVec2, DVec3, real, robust};
 use std::f64::consts::{PI, TAU};
 
 snell_math::declare! {
@@ -113,7 +113,7 @@ impl Shape for Sphere {
             Some(d) => (d, DVec3::new(position.z, 0.0, -position.x) * TAU),
             None => (DVec2::X, DVec3::X * self.radius),
         };
-        let theta = sin_theta.atan2(normal.y);
+        let theta = real::atan2(sin_theta, normal.y);
         let dpdv =
             DVec3::new(along.y * normal.y, -sin_theta, along.x * normal.y) * (PI * self.radius);
         ShapeSurface { position, normal, uv: DVec2::new(turn(along), theta / PI), dpdu, dpdv }
@@ -142,7 +142,7 @@ impl Shape for Sphere {
         let y = 1.0 - 2.0 * u.x;
         // sin(theta) from 1 - y^2 = 4 u (1 - u), which does not cancel at the poles.
         let r = 2.0 * (u.x * (1.0 - u.x)).max(0.0).sqrt();
-        let (sin, cos) = (TAU * u.y).sin_cos();
+        let (sin, cos) = real::sin_cos(TAU * u.y);
         Some(ShapeSample::at(self, DVec3::new(r * sin, y, r * cos) * self.radius, 0))
     }
 
@@ -153,7 +153,7 @@ impl Shape for Sphere {
     fn patches(&self) -> Vec<Patch> {
         let radius = self.radius;
         let position = move |u: f64, v: f64| {
-            let ((sin, cos), (sin_phi, cos_phi)) = ((v * PI).sin_cos(), (u * TAU).sin_cos());
+            let ((sin, cos), (sin_phi, cos_phi)) = (real::sin_cos(v * PI), real::sin_cos(u * TAU));
             // A pole is one point, bit for bit, so that the triangles without area there are left
             // out.
             let sin = if v == 1.0 { 0.0 } else { sin };

@@ -5,7 +5,7 @@
 //! outside.
 
 use super::Metric;
-use snell_math::{DMat3, DVec2, DVec3};
+use snell_math::{DMat3, DVec2, DVec3, real, rotation};
 use std::f64::consts::TAU;
 
 /// The winding number of a triangle around the origin (van Oosterom and Strackee, The Solid Angle
@@ -18,7 +18,7 @@ pub(crate) fn of_triangle([a, b, c]: [DVec3; 3]) -> f64 {
     }
     let (la, lb, lc) = (a.length(), b.length(), c.length());
     let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    determinant.atan2(denominator) / TAU
+    real::atan2(determinant, denominator) / TAU
 }
 
 /// The winding number of triangles of a shape around `point`, measured in world space.
@@ -57,7 +57,7 @@ pub(super) fn of_disk(metric: &Metric, point: DVec3, axis: usize, h: f64, radius
         (first..count)
             .step_by(step)
             .map(|i| {
-                let direction = DVec2::from_angle(TAU * i as f64 / count as f64) * radius;
+                let direction = rotation::unit_vector(TAU * i as f64 / count as f64) * radius;
                 let r = linear * (place(direction, h) - point);
                 let along = linear * place(direction.perp(), 0.0);
                 let length = r.length();

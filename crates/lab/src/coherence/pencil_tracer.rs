@@ -9,7 +9,7 @@ use super::view::{Facet, View, Window};
 use super::walk::{Entry, RegionWork, Walk};
 use snell_intersect::Hit;
 use snell_intersect::World;
-use snell_math::{DVec3, Ray, Vec2};
+use snell_math::{DVec3, Ray, Vec2, real};
 
 /// The largest number of triangles that a pencil may hit without being divided.
 const MOST_TRIANGLES: usize = 6;
@@ -214,7 +214,7 @@ impl<'w> PencilTracer<'w> {
         let [a, b, c] = self.walk.corners(source);
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let cosine = normal.dot(pencil.direction()).abs();
-        let slope = starts.iter().map(|s| s.z.hypot(s.w)).fold(0.0, f64::max);
+        let slope = starts.iter().map(|s| real::hypot(s.z, s.w)).fold(0.0, f64::max);
         let distance = f64::from(hit.t) * axis.direction.as_dvec3().length();
         let error = plane_error(distance, slope, (1.0 - cosine * cosine).max(0.0).sqrt() / cosine);
         let Some(gradients) = barycentric_gradients(b - a, c - a) else { return false };

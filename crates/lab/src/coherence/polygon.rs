@@ -1,6 +1,8 @@
 //! Convex polygons in the plane of a [`super::View`].
 
 use snell_math::DVec2;
+use snell_math::real;
+use snell_math::rotation;
 use std::f64::consts::PI;
 
 /// Maximum number of vertices of a polygon.
@@ -203,8 +205,8 @@ impl ConvexPolygon {
 
     /// The regular octagon around the unit disk.
     pub(super) fn around_unit_disk() -> Self {
-        let radius = 1.0 / (PI / 8.0).cos();
-        let vertex = |i: u8| DVec2::from_angle((f64::from(i) + 0.5) * PI / 4.0) * radius;
+        let radius = 1.0 / real::cos(PI / 8.0);
+        let vertex = |i: u8| rotation::unit_vector((f64::from(i) + 0.5) * PI / 4.0) * radius;
         Self::of(&std::array::from_fn::<_, 8, _>(|i| vertex(i as u8)))
     }
 
@@ -226,7 +228,7 @@ impl ConvexPolygon {
 fn signed_area_in_disk(a: DVec2, b: DVec2) -> f64 {
     let along = b - a;
     let (qa, qb, qc) = (along.length_squared(), a.dot(along), a.length_squared() - 1.0);
-    let sector = |p: DVec2, q: DVec2| 0.5 * p.perp_dot(q).atan2(p.dot(q));
+    let sector = |p: DVec2, q: DVec2| 0.5 * real::atan2(p.perp_dot(q), p.dot(q));
     let discriminant = qb * qb - qa * qc;
     if qa == 0.0 || discriminant <= 0.0 {
         return sector(a, b);

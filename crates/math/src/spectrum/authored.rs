@@ -2,6 +2,7 @@
 
 use super::response::{luminance_of_light, rgb_of_light, rgb_of_reflectance, white_light};
 use super::{ColorMode, Metal, Rgb, SampledSpectrum, table};
+use crate::real;
 use serde::{Deserialize, Serialize};
 use std::ops::Mul;
 use std::sync::LazyLock;
@@ -146,8 +147,8 @@ fn luminance(radiance: impl Fn(f32) -> f64) -> f64 {
 pub(super) fn planck(lambda: f64, kelvin: f64) -> f64 {
     // The values are relative to 560 nm, so that neither factor overflows.
     let x = |lambda: f64| SECOND_CONSTANT / (lambda * kelvin);
-    let ratio = (560.0 / lambda).powi(5);
-    ratio * ((x(560.0) - x(lambda)).exp() * -(-x(560.0)).exp_m1() / -(-x(lambda)).exp_m1())
+    let ratio = real::powi(560.0 / lambda, 5);
+    ratio * (real::exp(x(560.0) - x(lambda)) * -real::exp_m1(-x(560.0)) / -real::exp_m1(-x(lambda)))
 }
 
 /// A colour: red, green and blue, multiplied by an optional spectrum.

@@ -8,6 +8,7 @@
 
 use super::response::rgb_of_reflectance;
 use super::{ColorMode, Rgb, SampledSpectrum, table};
+use crate::real;
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
@@ -80,7 +81,7 @@ impl Metal {
         let r = rgb_of_reflectance(|lambda| self.reflectance(lambda).into())
             .map(|r| r.clamp(0.0, 0.999));
         let k = |n: f32, r: f32| {
-            ((r * (n + 1.0).powi(2) - (n - 1.0).powi(2)) / (1.0 - r)).max(0.0).sqrt()
+            ((r * real::powi(n + 1.0, 2) - real::powi(n - 1.0, 2)) / (1.0 - r)).max(0.0).sqrt()
         };
         [n, Rgb::new(k(n.r, r.r), k(n.g, r.g), k(n.b, r.b))]
     }

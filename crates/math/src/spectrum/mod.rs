@@ -17,6 +17,7 @@ pub mod uplift;
 mod wavelengths;
 mod white_balance;
 
+use crate::real;
 pub use authored::{Color, Spectrum};
 pub use glass::{Glass, LINE_D, RefractiveIndex};
 pub use metal::Metal;
@@ -99,7 +100,7 @@ impl SampledSpectrum {
     /// The exponential of each lane.
     #[inline]
     pub fn exp(self) -> Self {
-        self.map(f32::exp)
+        self.map(real::exp)
     }
 
     /// Each lane clamped to `[lo, hi]`.

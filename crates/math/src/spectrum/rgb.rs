@@ -1,5 +1,6 @@
 //! Authored colours: linear Rec. 709 with a D65 white, and the sRGB transfer curve.
 
+use crate::real;
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Mul, Sub};
 
@@ -126,14 +127,14 @@ impl Mul<f32> for Rgb {
 /// The inverse of the sRGB transfer curve (IEC 61966-2-1): from an encoded value to a linear one.
 #[inline]
 pub fn srgb_to_linear(x: f32) -> f32 {
-    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+    if x <= 0.04045 { x / 12.92 } else { real::powf((x + 0.055) / 1.055, 2.4) }
 }
 
 /// The sRGB transfer curve (IEC 61966-2-1): from a linear value to an encoded one. Values outside
 /// `[0, 1]` are not clamped.
 #[inline]
 pub fn linear_to_srgb(x: f32) -> f32 {
-    if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+    if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * real::powf(x, 1.0 / 2.4) - 0.055 }
 }
 
 #[cfg(test)]

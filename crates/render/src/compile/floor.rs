@@ -1,6 +1,6 @@
 //! The floor of a background that catches shadows.
 
-use snell_math::{Bounds3, Bounds3d, DMat3, DVec3, Ray, Rgb, SampledSpectrum, Vec2, Vec3};
+use snell_math::{Bounds3, Bounds3d, DMat3, DVec3, Ray, Rgb, SampledSpectrum, Vec2, Vec3, real};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::{Background, Environment, Image, Scene};
 use std::f64::consts::PI;
@@ -149,9 +149,10 @@ fn received(environment: &Environment, up: DVec3) -> Environment {
         // The mean over the pixels of a cell, with the cosine of each.
         let (mut sum, mut count) = ([0.0; 3], 0.0);
         for y in along(row, height, rows) {
-            let (sin, cos) = (PI * (f64::from(y) + 0.5) / f64::from(rows)).sin_cos();
+            let (sin, cos) = real::sin_cos(PI * (f64::from(y) + 0.5) / f64::from(rows));
             for x in along(column, width, columns) {
-                let (s, c) = ((f64::from(x) + 0.5) / f64::from(columns) * 2.0 * PI - PI).sin_cos();
+                let (s, c) =
+                    real::sin_cos((f64::from(x) + 0.5) / f64::from(columns) * 2.0 * PI - PI);
                 let direction = placement * DVec3::new(sin * s, cos, -sin * c);
                 let cosine = direction.normalize_or_zero().dot(up).max(0.0) as f32;
                 let [r, g, b, _] = picture.map_or([1.0; 4], |picture| picture.rgba(x, y));

@@ -3,7 +3,7 @@
 //! and Greiner, Filter importance sampling, 2006).
 
 use crate::named::named;
-use snell_math::{DVec2, Vec2};
+use snell_math::{DVec2, Vec2, real};
 use std::f64::consts::PI;
 
 named! {
@@ -49,12 +49,12 @@ impl Filter {
         if d > r {
             return 0.0;
         }
-        let sinc = |x: f64| if x.abs() < 1e-9 { 1.0 } else { (PI * x).sin() / (PI * x) };
+        let sinc = |x: f64| if x.abs() < 1e-9 { 1.0 } else { real::sin(PI * x) / (PI * x) };
         match self {
             Self::Box => 1.0,
             Self::Tent => 1.0 - d,
             Self::Gaussian => {
-                let g = |x: f64| (-x * x / (2.0 * 0.25)).exp();
+                let g = |x: f64| real::exp(-x * x / (2.0 * 0.25));
                 g(d) - g(r)
             }
             Self::Mitchell => {
@@ -74,7 +74,8 @@ impl Filter {
             }
             Self::BlackmanHarris => {
                 let t = PI * (x / r + 1.0);
-                0.35875 - 0.48829 * t.cos() + 0.14128 * (2.0 * t).cos() - 0.01168 * (3.0 * t).cos()
+                0.35875 - 0.48829 * real::cos(t) + 0.14128 * real::cos(2.0 * t)
+                    - 0.01168 * real::cos(3.0 * t)
             }
             Self::Lanczos => sinc(x) * sinc(x / r),
         }

@@ -34,6 +34,7 @@
 
 use super::{BLOCK, Film};
 use crate::settings::Crop;
+use snell_math::real;
 
 /// The number of samples before a pixel may stop.
 pub const LEAST_SAMPLES: u32 = 8 * BLOCK;
@@ -119,7 +120,7 @@ impl NoiseMap {
     /// For each pixel, the root mean square over the window around it of the deviations of blocks
     /// in tone-mapped units.
     fn shared_deviations(&self, floor: f64) -> Vec<f64> {
-        let variances = self.pixels.iter().map(|p| p.relative(p.deviation, floor).powi(2));
+        let variances = self.pixels.iter().map(|p| real::powi(p.relative(p.deviation, floor), 2));
         let sums = self.sums_around(&variances.collect::<Vec<_>>());
         let counts = self.sums_around(&vec![1.0; self.pixels.len()]);
         sums.iter().zip(counts).map(|(sum, count)| (sum / count).sqrt()).collect()
@@ -205,7 +206,7 @@ pub fn next_look(samples: u32) -> u32 {
 /// Functions, 26.7.5, and the exact values for one and two degrees of freedom).
 fn student_t(degrees: u32) -> f64 {
     const Z: f64 = 1.959_963_984_540_054;
-    let z = |p: i32| Z.powi(p);
+    let z = |p: i32| real::powi(Z, p);
     let v = f64::from(degrees);
     match degrees {
         0 => f64::INFINITY,
@@ -213,10 +214,10 @@ fn student_t(degrees: u32) -> f64 {
         2 => 4.302_652_730,
         _ => {
             Z + (z(3) + Z) / (4.0 * v)
-                + (5.0 * z(5) + 16.0 * z(3) + 3.0 * Z) / (96.0 * v.powi(2))
-                + (3.0 * z(7) + 19.0 * z(5) + 17.0 * z(3) - 15.0 * Z) / (384.0 * v.powi(3))
+                + (5.0 * z(5) + 16.0 * z(3) + 3.0 * Z) / (96.0 * real::powi(v, 2))
+                + (3.0 * z(7) + 19.0 * z(5) + 17.0 * z(3) - 15.0 * Z) / (384.0 * real::powi(v, 3))
                 + (79.0 * z(9) + 776.0 * z(7) + 1482.0 * z(5) - 1920.0 * z(3) - 945.0 * Z)
-                    / (92160.0 * v.powi(4))
+                    / (92160.0 * real::powi(v, 4))
         }
     }
 }

@@ -17,7 +17,7 @@ use super::record::Record;
 use super::regions::{Halves, Place, place};
 use crate::threads::on_threads;
 use snell_math::simd::{max, min};
-use snell_math::{Vec2, Vec3, rng};
+use snell_math::{Vec2, Vec3, real, rng};
 
 /// The largest number of regions.
 const MAX_CELLS: usize = 1 << 14;
@@ -472,7 +472,7 @@ impl Field {
 
 /// `2^-times`.
 fn halved(times: u32) -> f32 {
-    0.5f32.powi(times as i32)
+    real::powi(0.5f32, times as i32)
 }
 
 #[cfg(test)]

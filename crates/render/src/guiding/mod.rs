@@ -28,6 +28,7 @@ mod regions;
 
 pub use field::{Cell, Field, Guide, Known, SavedField};
 pub use record::{Choice, Record, Recorder};
+use snell_math::real;
 
 /// Settings of path guiding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +61,7 @@ impl Guiding {
     pub fn for_picture(size: [u32; 2], spp: u32) -> Self {
         let paths =
             size.iter().map(|&x| f64::from(x)).product::<f64>() * f64::from(spp) * Self::SHARE;
-        let passes = (paths / Self::FIRST_PASS as f64 + 1.0).log2().floor();
+        let passes = real::log2(paths / Self::FIRST_PASS as f64 + 1.0).floor();
         Self::with_passes((passes as u32).clamp(1, Self::MAX_PASSES))
     }
 

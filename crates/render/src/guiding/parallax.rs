@@ -8,6 +8,7 @@
 use super::directional::square_from_direction;
 use super::record::Record;
 use snell_math::Vec3;
+use snell_math::real;
 use snell_math::simd::max;
 
 /// The largest length of a shift of a unit direction.
@@ -55,8 +56,10 @@ impl Parallax {
         let (mut best, mut most) = (none, LEAST_GAIN * none.togetherness(&records) + NOISE * alone);
         for step in 0..DISTANCES {
             for side in [1.0, -1.0] {
-                let tried =
-                    Self { nearness: side * most_near * 0.5f32.powf(step as f32 * 0.5), ..none };
+                let tried = Self {
+                    nearness: side * most_near * real::powf(0.5f32, step as f32 * 0.5),
+                    ..none
+                };
                 let found = tried.togetherness(&records);
                 if found > most {
                     (best, most) = (tried, found);

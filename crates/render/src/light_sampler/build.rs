@@ -7,7 +7,7 @@
 use super::bvh::{EMITTER, NONE, Node, WIDTH};
 use super::cone::sin_from_cos;
 use rayon::prelude::*;
-use snell_math::{Bounds3, Bounds3d, Vec3};
+use snell_math::{Bounds3, Bounds3d, Vec3, real};
 use snell_scene::light::LightBounds;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -199,10 +199,11 @@ impl Bucket {
         }
         let spread = (angle(self.cos_spread) + angle(cos_around(&self.axes))).min(PI);
         let widest = (spread + angle(self.cos_emission)).min(PI);
-        let (sin, cos) = spread.sin_cos();
+        let (sin, cos) = real::sin_cos(spread);
         let directions = TAU * (1.0 - cos)
             + FRAC_PI_2
-                * (2.0 * widest * sin - (spread - 2.0 * widest).cos() - 2.0 * spread * sin + cos);
+                * (2.0 * widest * sin - real::cos(spread - 2.0 * widest) - 2.0 * spread * sin
+                    + cos);
         // Boxes of points and lines have no surface, but their size matters too.
         let size = self.bounds.size();
         self.intensity * directions * (self.bounds.half_area() + 1e-3 * size.length_squared())
@@ -210,7 +211,7 @@ impl Bucket {
 }
 
 fn angle(cos: f32) -> f32 {
-    cos.clamp(-1.0, 1.0).acos()
+    real::acos(cos.clamp(-1.0, 1.0))
 }
 
 /// Cosine of an angle around the direction of a box's centre that contains all unit vectors in the
@@ -315,8 +316,11 @@ fn set_child(node: &mut Node, lane: usize, emitters: &[Emitter]) {
     let least = emitters.iter().map(|e| e.axis.dot(axis)).fold(1.0, f32::min)
         - if emitters.len() > 1 { 1e-6 } else { 0.0 };
     let widest = emitters.iter().map(|e| e.cos_spread).fold(1.0, f32::min);
-    let cos_spread =
-        if widest == 1.0 { least.max(-1.0) } else { (angle(least) + angle(widest)).min(PI).cos() };
+    let cos_spread = if widest == 1.0 {
+        least.max(-1.0)
+    } else {
+        real::cos((angle(least) + angle(widest)).min(PI))
+    };
     for k in 0..3 {
         node.center[k][lane] = center[k];
         node.axis[k][lane] = axis[k];

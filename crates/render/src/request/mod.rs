@@ -10,6 +10,7 @@ mod wish;
 pub use choices::{integrators_page, samplers_page};
 pub use reference::{page, python_types};
 pub use setting::{Form, Heading, Problem, Setting};
+use snell_math::real;
 pub use wish::{Wish, seconds_of};
 
 use crate::film::filter::Filter;
@@ -313,7 +314,7 @@ impl Request {
             crop,
             spp,
             noise: self.noise,
-            noise_floor: Settings::NOISE_FLOOR / exposure.exp2(),
+            noise_floor: Settings::NOISE_FLOOR / real::exp2(exposure),
             progressive: self.time.is_some() || spp > Self::SPP_OF_ONE_PASS,
             seed: self.seed.unwrap_or(default.seed),
             sampler,

@@ -7,7 +7,7 @@ use super::ggx::Ggx;
 use super::microfacets::Facets;
 use super::mirror::mirror_branch;
 use super::{Microfacets, SpecularBranch, fresnel, lift, lower_like};
-use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
+use snell_math::{Frame, SampledSpectrum, Vec2, Vec3, real};
 
 pub(super) use batch::BatchCoated;
 
@@ -51,7 +51,7 @@ fn way(cos: f32, ior: f32) -> f32 {
 
 /// The transmittance of a coat over this many thicknesses, by that over one.
 fn transmitted(color: SampledSpectrum, thicknesses: f32) -> SampledSpectrum {
-    color.map(|c| if c >= 1.0 { 1.0 } else { c.max(0.0).powf(thicknesses) })
+    color.map(|c| if c >= 1.0 { 1.0 } else { real::powf(c.max(0.0), thicknesses) })
 }
 
 /// The upper side of a coat with this distribution of facets and albedo, without its colour and in

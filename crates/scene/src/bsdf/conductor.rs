@@ -8,7 +8,7 @@ use super::microfacets::{Facets, KnownFacets, Rough};
 use super::mirror::mirror_branch;
 use super::{Choice, Drawn, Lobes, Microfacets, SpecularBranch, Widths, fresnel, lift, lower_like};
 use snell_math::simd::select;
-use snell_math::{SampledSpectrum, Vec2, Vec3};
+use snell_math::{SampledSpectrum, Vec2, Vec3, real};
 use std::f32::consts::FRAC_1_PI;
 
 /// Reflectance of a facet.
@@ -89,7 +89,7 @@ impl FacetReflectance {
             Self::F82(f82) => {
                 let schlick = fresnel::schlick(cos, f82.f0, SampledSpectrum::ONE);
                 let rest = (1.0 - cos).clamp(0.0, 1.0);
-                (schlick - f82.dip() * (cos * rest.powi(6))).clamp(0.0, 1.0)
+                (schlick - f82.dip() * (cos * real::powi(rest, 6))).clamp(0.0, 1.0)
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Matte reflection: the energy-preserving Oren-Nayar model.
 
 use super::{BsdfSample, Drawn, Lobes};
-use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
+use snell_math::{SampledSpectrum, Vec2, Vec3, real, sampling};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// A matte surface. Smooth ones are Lambertian; rough ones look flatter and reflect more light back
@@ -66,7 +66,7 @@ impl DiffuseBsdf {
     /// direction with this cosine.
     fn lost(&self, cos: f32) -> f32 {
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let g = sin * (cos.clamp(-1.0, 1.0).acos() - sin * cos)
+        let g = sin * (real::acos(cos.clamp(-1.0, 1.0)) - sin * cos)
             + (2.0 / 3.0) * (sin * cos * (1.0 + sin + sin * sin) / (1.0 + sin) - sin);
         (1.0 - self.level * (1.0 + self.roughness * FRAC_1_PI * g)).max(0.0)
     }

@@ -9,7 +9,7 @@
 //! `KHR_materials_iridescence`.
 
 use super::fresnel;
-use snell_math::{ColorMode, Rgb, SampledSpectrum};
+use snell_math::{ColorMode, Rgb, SampledSpectrum, real};
 use std::f32::consts::PI;
 
 /// A thin film on a surface.
@@ -75,7 +75,7 @@ impl ThinFilm {
             for m in 1..=2 {
                 let waves = ChannelWaves::new(m as f32 * way);
                 for s in &series {
-                    let amplitude = s.amplitude * s.ratio.powi(m);
+                    let amplitude = s.amplitude * real::powi(s.ratio, m);
                     let average = waves.cosines(m as f32 * s.phase);
                     sum.iter_mut().zip(average).for_each(|(sum, a)| *sum += amplitude * a);
                 }
@@ -106,7 +106,7 @@ impl ThinFilm {
 impl Series {
     /// The sum of `ratio^m cos(m phi)` over all numbers `m` of passages, from 1 on.
     fn sum(&self, way: f32, nm: f32) -> f32 {
-        let (sin, cos) = (2.0 * PI * way / nm + self.phase).sin_cos();
+        let (sin, cos) = real::sin_cos(2.0 * PI * way / nm + self.phase);
         let (re, im) = (1.0 - self.ratio * cos, -self.ratio * sin);
         // The real part of z / (1 - z), with z = ratio e^(i phi).
         (self.ratio * cos * re + self.ratio * sin * im) / (re * re + im * im).max(1e-9)
@@ -161,14 +161,16 @@ impl ChannelWaves {
         const SCALE: f32 = 1.0 / 1.0685e-7;
         let k = 2.0 * PI * way * 1e-9;
         let gaussians = GAUSSIANS.map(|(height, position, variance)| {
-            let height = height * (2.0 * PI * variance).sqrt() * (-variance * k * k).exp() * SCALE;
+            let height =
+                height * (2.0 * PI * variance).sqrt() * real::exp(-variance * k * k) * SCALE;
             (height, position * k)
         });
         Self { gaussians }
     }
 
     fn cosines(&self, phase: f32) -> [f32; 3] {
-        let [x1, x2, y, z] = self.gaussians.map(|(height, angle)| height * (angle + phase).cos());
+        let [x1, x2, y, z] =
+            self.gaussians.map(|(height, angle)| height * real::cos(angle + phase));
         let x = x1 + x2;
         const RGB: [[f32; 3]; 3] = [
             [3.240_454, -1.537_138_5, -0.498_531_4],

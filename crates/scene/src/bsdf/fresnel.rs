@@ -1,7 +1,7 @@
 //! Reflection and refraction at a smooth interface.
 
 use snell_math::simd::max;
-use snell_math::{SampledSpectrum, Vec3};
+use snell_math::{SampledSpectrum, Vec3, real};
 
 /// The mirror direction of `w` about the unit vector `n`.
 #[inline(always)]
@@ -57,10 +57,11 @@ pub fn dielectric_average(eta: f32) -> f32 {
     }
     let n = f64::from(eta);
     let (n2, n4) = (n * n, n * n * n * n);
-    let rational = 0.5 + (n - 1.0) * (3.0 * n + 1.0) / (6.0 * (n + 1.0).powi(2));
-    let parallel = n2 * (n2 - 1.0).powi(2) / (n2 + 1.0).powi(3) * ((n - 1.0) / (n + 1.0)).ln();
+    let rational = 0.5 + (n - 1.0) * (3.0 * n + 1.0) / (6.0 * real::powi(n + 1.0, 2));
+    let parallel =
+        n2 * real::powi(n2 - 1.0, 2) / real::powi(n2 + 1.0, 3) * real::ln((n - 1.0) / (n + 1.0));
     let mixed = 2.0 * n2 * n * (n2 + 2.0 * n - 1.0) / ((n2 + 1.0) * (n4 - 1.0));
-    let last = 8.0 * n4 * (n4 + 1.0) / ((n2 + 1.0) * (n4 - 1.0).powi(2)) * n.ln();
+    let last = 8.0 * n4 * (n4 + 1.0) / ((n2 + 1.0) * real::powi(n4 - 1.0, 2)) * real::ln(n);
     (rational + parallel - mixed + last) as f32
 }
 

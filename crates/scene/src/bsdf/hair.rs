@@ -1,7 +1,7 @@
 //! Scattering by a hair, a rough dielectric cylinder with scales, as a single event.
 
 use super::{Choice, Drawn, Lobes, fresnel};
-use snell_math::{SampledSpectrum, Vec2, Vec3};
+use snell_math::{SampledSpectrum, Vec2, Vec3, real};
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
 /// The number of paths through the fibre that have lobes of their own: reflection (R), straight
@@ -73,8 +73,8 @@ impl HairBsdf {
     pub fn new(fiber: &HairFiber) -> Self {
         let [m, n] = [fiber.longitudinal_roughness, fiber.azimuthal_roughness]
             .map(|r| super::bounded(r, 1.0).max(0.01));
-        let variance = (0.726 * m + 0.812 * m * m + 3.7 * m.powi(20)).powi(2);
-        let tilt = |angle: f32| angle.sin_cos().into();
+        let variance = real::powi(0.726 * m + 0.812 * m * m + 3.7 * real::powi(m, 20), 2);
+        let tilt = |angle: f32| real::sin_cos(angle).into();
         let alpha = fiber.scale_tilt;
         Self {
             offset: fiber.offset.map(|h| h.clamp(-1.0, 1.0)),
@@ -82,7 +82,7 @@ impl HairBsdf {
             absorption: fiber.absorption,
             unit: fiber.unit,
             variances: [variance, 0.25 * variance, 4.0 * variance, 4.0 * variance],
-            scale: (PI / 8.0).sqrt() * (0.265 * n + 1.194 * n * n + 5.372 * n.powi(22)),
+            scale: (PI / 8.0).sqrt() * (0.265 * n + 1.194 * n * n + 5.372 * real::powi(n, 22)),
             tilts: [tilt(-2.0 * alpha), tilt(alpha), tilt(4.0 * alpha), tilt(0.0)],
         }
     }
@@ -95,13 +95,13 @@ impl HairBsdf {
     ) -> SampledSpectrum {
         let scale = Self::color_scale(azimuthal_roughness);
         // Black would need infinite absorption, so the colour is bounded from below.
-        color.map(|c| (c.clamp(1e-4, 1.0).ln() / scale).powi(2))
+        color.map(|c| real::powi(real::ln(c.clamp(1e-4, 1.0)) / scale, 2))
     }
 
     /// The colour that much hair of this absorption per radius, at least 0, has in white light. It
     /// is the inverse of [`Self::absorption_of_color`].
     pub fn color_of_absorption(absorption: f32, azimuthal_roughness: f32) -> f32 {
-        (-absorption.max(0.0).sqrt() * Self::color_scale(azimuthal_roughness)).exp()
+        real::exp(-absorption.max(0.0).sqrt() * Self::color_scale(azimuthal_roughness))
     }
 
     fn color_scale(azimuthal_roughness: f32) -> f32 {
@@ -142,7 +142,7 @@ impl HairBsdf {
     fn lobes(&self, seen: &HairSeen, wi: Vec3) -> [f32; WAYS + 1] {
         let sin = wi.x.clamp(-1.0, 1.0);
         let inclination = [sin, (1.0 - sin * sin).max(0.0).sqrt()];
-        let turn = wi.z.atan2(wi.y) - seen.azimuth;
+        let turn = real::atan2(wi.z, wi.y) - seen.azimuth;
         std::array::from_fn(|lobe| {
             let along = longitudinal(
                 inclination,
@@ -163,9 +163,9 @@ impl HairBsdf {
 /// Model, 2011). Its integral over inclinations, weighted by the cosine, is 1.
 fn longitudinal([sin, cos]: [f32; 2], [sin_o, cos_o]: [f32; 2], variance: f32) -> f32 {
     // The paper's exponents cancel for small variances, so their difference is computed directly.
-    let distance2 = (cos - cos_o).powi(2) + (sin + sin_o).powi(2);
-    let norm = variance * (1.0 - (-2.0 / variance).exp());
-    (-0.5 * distance2 / variance).exp() * scaled_bessel(cos * cos_o / variance) / norm
+    let distance2 = real::powi(cos - cos_o, 2) + real::powi(sin + sin_o, 2);
+    let norm = variance * (1.0 - real::exp(-2.0 / variance));
+    real::exp(-0.5 * distance2 / variance) * scaled_bessel(cos * cos_o / variance) / norm
 }
 
 /// The modified Bessel function of order 0, times `exp(-x)`, for `x >= 0` (Abramowitz and Stegun,
@@ -174,9 +174,9 @@ fn scaled_bessel(x: f32) -> f32 {
     let sum =
         |coefficients: &[f32], t: f32| coefficients.iter().rev().fold(0.0, |sum, c| sum * t + c);
     if x < 3.75 {
-        let t = (x / 3.75).powi(2);
+        let t = real::powi(x / 3.75, 2);
         sum(&[1.0, 3.515_622_9, 3.089_942_4, 1.206_749_2, 0.265_973_2, 0.036_076_8, 0.004_581_3], t)
-            * (-x).exp()
+            * real::exp(-x)
     } else {
         let coefficients = [
             0.398_942_28,
@@ -200,12 +200,12 @@ fn wrapped(angle: f32) -> f32 {
 
 /// The cumulative distribution function of the logistic distribution.
 fn logistic_cdf(x: f32, scale: f32) -> f32 {
-    1.0 / (1.0 + (-x / scale).exp())
+    1.0 / (1.0 + real::exp(-x / scale))
 }
 
 /// Density of the logistic distribution cut to `[-pi, pi]`.
 fn trimmed_logistic(x: f32, scale: f32) -> f32 {
-    let e = (-x.abs() / scale).exp();
+    let e = real::exp(-x.abs() / scale);
     // The fraction of the distribution within the interval; the distribution is symmetric.
     let left = 1.0 - 2.0 * logistic_cdf(-PI, scale);
     e / (scale * (1.0 + e) * (1.0 + e) * left)
@@ -215,7 +215,7 @@ fn trimmed_logistic(x: f32, scale: f32) -> f32 {
 fn sample_trimmed_logistic(u: f32, scale: f32) -> f32 {
     let below = logistic_cdf(-PI, scale);
     let share = below + u * (1.0 - 2.0 * below);
-    let x = -scale * (1.0 / share - 1.0).ln();
+    let x = -scale * real::ln(1.0 / share - 1.0);
     x.clamp(-PI, PI)
 }
 
@@ -225,7 +225,7 @@ impl Lobes for HairBsdf {
     fn seen(&self, below_or_above: Vec3) -> HairSeen {
         let wo = super::lift(below_or_above);
         let sin = wo.x.clamp(-1.0, 1.0);
-        let across = wo.y.hypot(wo.z);
+        let across = real::hypot(wo.y, wo.z);
         let h = match self.offset {
             Some(h) => h,
             None if across > 0.0 => (-wo.y / across).clamp(-1.0, 1.0),
@@ -245,8 +245,8 @@ impl Lobes for HairBsdf {
         HairSeen {
             wo: below_or_above,
             inclination: [sin, cos],
-            azimuth: wo.z.atan2(wo.y),
-            gammas: [h.asin(), sin_refracted.asin()],
+            azimuth: real::atan2(wo.z, wo.y),
+            gammas: [real::asin(h), real::asin(sin_refracted)],
             attenuations,
             choice: Choice::new(attenuations),
         }
@@ -269,15 +269,15 @@ impl Lobes for HairBsdf {
         // An inclination around that of `wo`, tilted by the scales and mirrored in the plane across
         // the fibre.
         let cos_away =
-            1.0 + variance * (u.x.max(1e-7) + (1.0 - u.x) * (-2.0 / variance).exp()).ln();
+            1.0 + variance * real::ln(u.x.max(1e-7) + (1.0 - u.x) * real::exp(-2.0 / variance));
         let sin_away = (1.0 - cos_away * cos_away).max(0.0).sqrt();
-        let sin = (-cos_away * sin_o + sin_away * (TAU * u.y).cos() * cos_o).clamp(-1.0, 1.0);
+        let sin = (-cos_away * sin_o + sin_away * real::cos(TAU * u.y) * cos_o).clamp(-1.0, 1.0);
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
         let turn = match lobe {
             WAYS => TAU * rest,
             _ => Self::turn(lobe, seen.gammas) + sample_trimmed_logistic(rest, self.scale),
         };
-        let (up, along_y) = (seen.azimuth + turn).sin_cos();
+        let (up, along_y) = real::sin_cos(seen.azimuth + turn);
         let wi = Vec3::new(sin, cos * along_y, cos * up).try_normalize()?;
         Some(Drawn::Direction { wi: super::lower_like(wi, seen.wo), is_transmission: wi.z < 0.0 })
     }

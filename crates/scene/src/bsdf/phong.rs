@@ -10,7 +10,7 @@
 
 use super::mirror::mirror_branch;
 use super::{Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
-use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
+use snell_math::{SampledSpectrum, Vec2, Vec3, real, sampling};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Maximum exponent: higher ones are too sharp for single precision and look like a mirror.
@@ -77,13 +77,17 @@ impl PhongBsdf {
         // The cosine is computed from the chord, because the cosine of a small angle is imprecise,
         // which matters for large exponents.
         let one_minus_cos = 0.5 * (mirror - wi).length_squared();
-        if one_minus_cos >= 1.0 { 0.0 } else { (self.exponent * (-one_minus_cos).ln_1p()).exp() }
+        if one_minus_cos >= 1.0 {
+            0.0
+        } else {
+            real::exp(self.exponent * real::ln_1p(-one_minus_cos))
+        }
     }
 
     fn sample_highlight(&self, wo: Vec3, u: Vec2) -> Vec3 {
-        let one_minus_cos = -((1.0 - u.x).ln() / (self.exponent + 1.0)).exp_m1();
+        let one_minus_cos = -real::exp_m1(real::ln(1.0 - u.x) / (self.exponent + 1.0));
         let sin = (one_minus_cos * (2.0 - one_minus_cos)).max(0.0).sqrt();
-        let (s, c) = (2.0 * PI * u.y).sin_cos();
+        let (s, c) = real::sin_cos(2.0 * PI * u.y);
         let frame = snell_math::Frame::from_z(Vec3::new(-wo.x, -wo.y, wo.z));
         frame.from_local(Vec3::new(sin * c, sin * s, 1.0 - one_minus_cos)).normalize_or(frame.z)
     }

@@ -8,7 +8,7 @@ use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
 use super::{Choice, Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
-use snell_math::{SampledSpectrum, Vec2, Vec3};
+use snell_math::{SampledSpectrum, Vec2, Vec3, real};
 use std::f32::consts::FRAC_1_PI;
 
 /// A sheet at one point. Make it with [`SheetBsdf::new`].
@@ -75,8 +75,9 @@ impl SheetBsdf {
         let f = self.film.map_or(f, |film| film.reflectance(cos, self.f0, f));
         let sin2 = (1.0 - cos * cos).max(0.0) / (self.ior * self.ior);
         let inside = (1.0 - sin2).max(1e-4).sqrt();
-        let left =
-            self.transmittance.map(|t| if t >= 1.0 { 1.0 } else { t.max(0.0).powf(1.0 / inside) });
+        let left = self
+            .transmittance
+            .map(|t| if t >= 1.0 { 1.0 } else { real::powf(t.max(0.0), 1.0 / inside) });
         let pass = SampledSpectrum::ONE - f;
         let ladder = SampledSpectrum::ONE - f * f * left * left;
         let over = |x: SampledSpectrum| x.zip(ladder, |x, l| if l > 1e-6 { x / l } else { 0.0 });

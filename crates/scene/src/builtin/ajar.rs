@@ -7,7 +7,7 @@ use crate::camera::{Camera, Projection};
 use crate::graph::{MaterialId, Node, Scene, Surface};
 use crate::material::{Black, Material};
 use snell_intersect::shape::{BoxShape, Sphere};
-use snell_math::{DAffine3, DVec3, Rgb};
+use snell_math::{DAffine3, DVec3, Rgb, rotation};
 
 /// Height of the rooms in metres.
 const HEIGHT: f64 = 2.8;
@@ -32,8 +32,10 @@ pub fn scene() -> Scene {
         .add_material(Material::new("lamp", Black {}).emitting(Rgb::new(9000.0, 8200.0, 6900.0)));
     rooms(&mut scene, walls, floor);
     let depth = DOOR[0];
-    let hinge =
-        DAffine3::from_translation(DVec3::new(0.0, 0.0, depth)) * DAffine3::from_rotation_y(OPEN);
+    let hinge = DAffine3::from_mat3_translation(
+        rotation::about(DVec3::Y, OPEN),
+        DVec3::new(0.0, 0.0, depth),
+    );
     // The door hangs at the far end of the opening, and opens into the visible room.
     put(&mut scene, "door", [0.0, 0.005, -depth], [0.05, DOOR[1] - 0.01, 0.0], hinge, wood);
     let still = DAffine3::IDENTITY;

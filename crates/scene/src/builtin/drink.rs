@@ -10,7 +10,7 @@ use crate::material::{Dielectric, Interior, Material};
 use crate::medium::{Homogeneous, Medium};
 use snell_intersect::AnyShape;
 use snell_intersect::shape::{BoxShape, Cylinder};
-use snell_math::{DAffine3, DVec3, Rgb};
+use snell_math::{DAffine3, DVec3, Rgb, rotation};
 
 /// The built-in scene: a tumbler of tea with two cubes of ice on a table, in centimetres.
 pub fn scene() -> Scene {
@@ -47,7 +47,7 @@ pub fn scene() -> Scene {
     let cube =
         |half: f64| AnyShape::from(BoxShape { min: DVec3::splat(-half), max: DVec3::splat(half) });
     let turned = |axis: DVec3, angle, x, y, z| {
-        at(x, y, z) * DAffine3::from_axis_angle(axis.normalize(), angle)
+        at(x, y, z) * DAffine3::from_mat3(rotation::about(axis.normalize(), angle))
     };
     add("ice", 1.31, None, 4, cube(1.2), turned(DVec3::new(1.0, 0.4, 0.2), 0.6, -1.1, 8.0, 0.5));
     add("ice", 1.31, None, 4, cube(1.1), turned(DVec3::new(-0.3, 1.0, 0.5), 0.9, 1.3, 7.9, -0.6));

@@ -9,7 +9,7 @@ use crate::light::Directional;
 use crate::material::{Hair, Material};
 use snell_intersect::shape::Sphere;
 use snell_intersect::{Curves, StrandBasis};
-use snell_math::{DAffine3, DVec3, Rgb, Vec3, rng};
+use snell_math::{DAffine3, DVec3, Rgb, Vec3, real, rng, rotation};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
@@ -27,15 +27,15 @@ fn fur() -> Curves {
     let mut points = Vec::new();
     for i in 0..STRANDS {
         let y = 1.0 - (2.0 * i as f32 + 1.0) / STRANDS as f32;
-        let (sin, cos) = (golden * i as f32).rem_euclid(TAU).sin_cos();
+        let (sin, cos) = real::sin_cos((golden * i as f32).rem_euclid(TAU));
         let up = Vec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin);
         let random = |k: u32| rng::pcg4d([i, k, 7, 3]).map(rng::to_unit);
         let [a, b, c, length] = random(0);
         // A slow swirl over the ball, which neighbouring strands share, and individual variation.
         let swirl = Vec3::new(
-            (5.0 * up.y).sin() + (7.0 * up.z).cos(),
-            (6.0 * up.x).sin(),
-            (5.0 * up.z + 4.0 * up.y).cos(),
+            real::sin(5.0 * up.y) + real::cos(7.0 * up.z),
+            real::sin(6.0 * up.x),
+            real::cos(5.0 * up.z + 4.0 * up.y),
         );
         let own = Vec3::new(a - 0.5, b - 0.5, c - 0.5);
         let lean = swirl.cross(up) * 0.22 + own * 0.35;
@@ -76,7 +76,7 @@ pub fn scene() -> Scene {
             Surface::shape(Sphere { radius: f64::from(SKIN) }, skin),
         ];
         let transform =
-            DAffine3::from_translation(DVec3::new(x, 1.15, 0.0)) * DAffine3::from_rotation_y(x);
+            DAffine3::from_mat3_translation(rotation::about(DVec3::Y, x), DVec3::new(x, 1.15, 0.0));
         scene.add_child(scene.root, Node { transform, surfaces, ..Node::named(name) });
     }
     let camera = Camera::from_target(

@@ -7,7 +7,7 @@ use crate::graph::{Background, Node, Scene, Surface};
 use crate::light::{Attenuation, Light, Point};
 use serde::{Deserialize, Serialize};
 use snell_intersect::shape::Sphere;
-use snell_math::{DAffine3, DVec3, Rgb};
+use snell_math::{DAffine3, DVec3, Rgb, real};
 use std::f32::consts::PI;
 
 /// A scene in the terms of the original program.
@@ -200,7 +200,7 @@ fn set_view(scene: &mut Scene, description: &MinrayDescription) {
     let size = description.size;
     let half = f64::from((size / 2).max(1));
     let widened = f64::from(size) / (2.0 * half);
-    let tan = (description.aov_degrees.to_radians() / 2.0).tan() * widened;
+    let tan = real::tan(description.aov_degrees.to_radians() / 2.0) * widened;
     let projection = Projection::Perspective { tan_half_fov: [Some(tan), Some(tan)] };
     let camera = Camera::from_direction(DVec3::ZERO, DVec3::Y, DVec3::Z, projection);
     scene.cameras.push(Camera { name: "eye".into(), resolution: Some([size, size]), ..camera });

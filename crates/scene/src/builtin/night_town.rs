@@ -8,7 +8,7 @@ use crate::graph::{Background, MaterialId, Node, Scene, Surface};
 use crate::material::{Black, Material};
 use snell_intersect::shape::{Rectangle, Sphere};
 use snell_math::rng::uniform2;
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2, real};
 
 /// The number of houses along a side of the town.
 const HOUSES: u32 = 8;
@@ -37,7 +37,7 @@ pub fn scene() -> Scene {
     // The materials of the lamps, ordered by colour, then by strength.
     let lamps: Vec<MaterialId> = glows
         .iter()
-        .flat_map(|&color| (0..4).map(move |power| color * (4.0 * 5f32.powi(power))))
+        .flat_map(|&color| (0..4).map(move |power| color * (4.0 * real::powi(5f32, power))))
         .map(|radiance| scene.add_material(Material::new("lamp", Black {}).emitting(radiance)))
         .collect();
     scene.add_child(
@@ -127,7 +127,7 @@ fn add_window(scene: &mut Scene, number: u32, lamps: &[MaterialId]) {
 /// Chooses the material of a lamp; strong lamps are rare.
 fn lamp(number: u32, lamps: &[MaterialId]) -> MaterialId {
     let u = uniform2([number, 7, 0, 0]);
-    let strength = (u.x.powi(3) * 4.0) as usize;
+    let strength = (real::powi(u.x, 3) * 4.0) as usize;
     lamps[((u.y * 4.0) as usize % 4) * 4 + strength.min(3)]
 }
 

@@ -12,7 +12,7 @@ use crate::graph::{Environment, Geometry, MaterialId, Node, Scene, Surface};
 use crate::material::{Black, Dielectric, Material};
 use snell_intersect::TriangleMesh;
 use snell_math::spectrum::{Glass, LINE_D};
-use snell_math::{Rgb, Vec3};
+use snell_math::{Rgb, Vec3, real};
 use std::sync::Arc;
 
 /// The angle in radians between the two faces that light passes through.
@@ -31,13 +31,13 @@ const SLIT: [f32; 2] = [0.07, 7.0];
 /// The minimum deviation in radians: that of light of the d line that passes the prism
 /// symmetrically.
 fn least_deviation() -> f32 {
-    2.0 * (Glass::SF11.index(LINE_D) * (APEX / 2.0).sin()).asin() - APEX
+    2.0 * real::asin(Glass::SF11.index(LINE_D) * real::sin(APEX / 2.0)) - APEX
 }
 
 /// A direction in the horizontal plane. The angle is in radians; 0 is straight ahead of the camera,
 /// and positive angles are to its left.
 fn towards(angle: f32) -> Vec3 {
-    Vec3::new(-angle.sin(), 0.0, -angle.cos())
+    Vec3::new(-real::sin(angle), 0.0, -real::cos(angle))
 }
 
 /// The prism. Its apex points to the right, and the plane through the apex that bisects it is
@@ -47,9 +47,9 @@ fn prism(material: MaterialId) -> Surface {
     let along = towards(least_deviation() / 2.0);
     let apex_direction = along.cross(Vec3::Y);
     let center = Vec3::new(0.0, 0.0, -DISTANCE);
-    let depth = SIDE * (APEX / 2.0).cos();
+    let depth = SIDE * real::cos(APEX / 2.0);
     let apex = center + apex_direction * (depth / 2.0);
-    let half_base = along * (SIDE * (APEX / 2.0).sin());
+    let half_base = along * (SIDE * real::sin(APEX / 2.0));
     let base = apex - apex_direction * depth;
     let corners = [apex, base + half_base, base - half_base];
     let at_height = |y: f32| corners.map(|p| p + Vec3::Y * y);

@@ -9,7 +9,7 @@ use crate::material::Material;
 use crate::medium::{Grid, ScalarGrid};
 use crate::noise::fractal_noise;
 use snell_intersect::shape::{BoxShape, Sphere};
-use snell_math::{DAffine3, DVec3, Rgb, Vec3};
+use snell_math::{DAffine3, DVec3, Rgb, Vec3, real};
 use std::f64::consts::TAU;
 
 /// The number of cells of the grids along x, y and z.
@@ -29,7 +29,7 @@ pub fn scene() -> Scene {
         Node { surfaces: vec![ground(0.0, 40.0, earth)], ..Node::named("ground") },
     );
     for i in 0..9 {
-        let (sin, cos) = (TAU * f64::from(i) / 9.0).sin_cos();
+        let (sin, cos) = real::sin_cos(TAU * f64::from(i) / 9.0);
         let radius = 0.2 + 0.05 * f64::from(i * 7 % 4);
         let transform =
             DAffine3::from_translation(DVec3::new(0.95 * cos, 0.6 * radius, 0.95 * sin));

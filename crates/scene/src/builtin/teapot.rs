@@ -10,7 +10,7 @@ use crate::camera::{Camera, Projection};
 use crate::framing::sky_seen_by;
 use crate::graph::{Geometry, Node, Scene, Surface};
 use snell_intersect::TriangleMesh;
-use snell_math::{DAffine3, DVec3, Rgb, Vec2};
+use snell_math::{DAffine3, DVec3, Rgb, Vec2, real, rotation};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
 use std::sync::Arc;
 
@@ -65,7 +65,7 @@ fn patches() -> Vec<Patch> {
     let mut patches = Vec::with_capacity(32);
     for profile in PROFILES {
         for quarter in 0..4 {
-            let (s, c) = (f64::from(quarter) * FRAC_PI_2).sin_cos();
+            let (s, c) = real::sin_cos(f64::from(quarter) * FRAC_PI_2);
             let ring = |[r, z]: [f64; 2]| {
                 [(r, 0.0), (r, QUARTER * r), (QUARTER * r, r), (0.0, r)]
                     .map(|(x, y)| DVec3::new(c * x - s * y, s * x + c * y, z))
@@ -166,8 +166,9 @@ pub fn scene() -> Scene {
         scene.root,
         Node { surfaces: vec![ground(0.0, 60.0, floor)], ..Node::named("ground") },
     );
-    let transform =
-        DAffine3::from_rotation_y(FRAC_PI_3 / 2.0) * DAffine3::from_rotation_x(-FRAC_PI_2);
+    let transform = DAffine3::from_mat3(
+        rotation::about(DVec3::Y, FRAC_PI_3 / 2.0) * rotation::about(DVec3::X, -FRAC_PI_2),
+    );
     let surfaces = vec![Surface::with_material(Geometry::Mesh(Arc::new(teapot(24))), glaze)];
     scene.add_child(scene.root, Node { transform, surfaces, ..Node::named("teapot") });
     let camera = Camera::from_target(

@@ -3,7 +3,7 @@
 //! Points are those of the plane at distance 1 in front of the eye, with x to the right and y
 //! down, as in the documentation of OpenCV's module `calib3d`.
 
-use snell_math::{DMat2, DVec2, DVec3};
+use snell_math::{DMat2, DVec2, DVec3, real};
 use std::f64::consts::PI;
 
 /// How often a step towards the undistorted point is taken at most.
@@ -45,7 +45,7 @@ impl Distortion {
             }
             Self::Fisheye(k) => {
                 let side = d.truncate().length();
-                let theta = side.atan2(d.z);
+                let theta = real::atan2(side, d.z);
                 let is_seen = d != DVec3::ZERO && (1..=PLACES).all(|i| slope(k, theta, i) > 0.0);
                 let scale = if side > 0.0 { angular(k, theta) / side } else { 0.0 };
                 is_seen.then(|| d.truncate() * scale)
@@ -67,7 +67,7 @@ impl Distortion {
                 let radius = place.length();
                 let theta = solve_angle(k, radius)?;
                 let growth = polynomial_slope(k, theta);
-                let (sin, cos) = theta.sin_cos();
+                let (sin, cos) = real::sin_cos(theta);
                 let stretch = if radius > 0.0 { sin / radius } else { 1.0 };
                 let direction = (place * stretch).extend(cos);
                 Some(Undistorted { direction, solid_angle: stretch / growth })

@@ -18,7 +18,7 @@ use projection::resolve;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::simd::Wide;
-use snell_math::{DRay, DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
+use snell_math::{DRay, DVec2, DVec3, Ray, Vec2, Vec3, at_level, real, sampling};
 use std::f64::consts::{PI, TAU};
 
 /// The position on the film and on the lens that determines a camera ray.
@@ -239,8 +239,8 @@ impl Camera {
                 }
             }
             Projection::Panoramic => {
-                let (sin_phi, cos_phi) = (p.x * PI).sin_cos();
-                let (sin, cos) = ((1.0 - p.y) * 0.5 * PI).sin_cos();
+                let (sin_phi, cos_phi) = real::sin_cos(p.x * PI);
+                let (sin, cos) = real::sin_cos((1.0 - p.y) * 0.5 * PI);
                 let spread = (TAU / w * (PI / h) * sin.abs()).sqrt();
                 directed(DVec3::new(sin * sin_phi, cos, sin * cos_phi), spread)
             }
@@ -258,7 +258,7 @@ impl Camera {
                 if outside {
                     return LocalRay { weight: 0.0, ..directed(DVec3::Z, 0.0) };
                 }
-                let (sin, cos) = theta.sin_cos();
+                let (sin, cos) = real::sin_cos(theta);
                 let rim = if r > 0.0 { q * (sin / r) } else { DVec2::ZERO };
                 let stretch = if theta > 0.0 { (sin / theta).abs() } else { 1.0 };
                 directed(rim.extend(cos), max_angle / side * stretch.sqrt())
@@ -299,15 +299,15 @@ impl Camera {
                 (d.z > 0.0).then(|| film(d.x / x, d.y / y))
             }
             Projection::Panoramic => {
-                let theta = d.x.hypot(d.z).atan2(d.y);
-                (d != DVec3::ZERO).then(|| film(d.x.atan2(d.z) / PI, 1.0 - theta * 2.0 / PI))
+                let theta = real::atan2(real::hypot(d.x, d.z), d.y);
+                (d != DVec3::ZERO).then(|| film(real::atan2(d.x, d.z) / PI, 1.0 - theta * 2.0 / PI))
             }
             Projection::EqualArea => d.try_normalize().map(|d| {
                 let place = equal_area_place(DVec3::new(d.x, d.z, d.y));
                 film(place.x, -place.y)
             }),
             Projection::Fisheye { max_angle } => {
-                let theta = d.x.hypot(d.y).atan2(d.z);
+                let theta = real::atan2(real::hypot(d.x, d.y), d.z);
                 let r = theta * 2.0 / max_angle;
                 let q = d.truncate().normalize_or_zero() * r * w.min(h) / DVec2::new(w, h);
                 (r <= 1.0 && d != DVec3::ZERO).then(|| film(q.x, q.y))

@@ -3,7 +3,7 @@
 use super::distortion::Distortion;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
-use snell_math::{DVec2, DVec3};
+use snell_math::{DVec2, DVec3, real};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 snell_math::declare! {
@@ -122,7 +122,7 @@ pub fn equal_area_direction(p: DVec2) -> DVec3 {
     let phi = if r == 0.0 { 1.0 } else { (v - u) / r + 1.0 } * FRAC_PI_4;
     let z = (1.0 - r * r).copysign(distance);
     let side = r * (2.0 - r * r).max(0.0).sqrt();
-    let (sin, cos) = phi.sin_cos();
+    let (sin, cos) = real::sin_cos(phi);
     DVec3::new(cos.copysign(p.x) * side, sin.copysign(p.y) * side, z)
 }
 
@@ -131,7 +131,7 @@ pub fn equal_area_direction(p: DVec2) -> DVec3 {
 pub fn equal_area_place(d: DVec3) -> DVec2 {
     let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
     let radius = (1.0 - z).max(0.0).sqrt();
-    let angle = x.min(y).atan2(x.max(y)) / FRAC_PI_2;
+    let angle = real::atan2(x.min(y), x.max(y)) / FRAC_PI_2;
     let angle = if x < y { 1.0 - angle } else { angle };
     let (mut v, mut u) = (angle * radius, radius - angle * radius);
     if d.z < 0.0 {
@@ -210,7 +210,7 @@ impl Projection {
 
 fn tan_of_half_angle(half_angle: f64) -> f64 {
     let angle = if half_angle.is_nan() { 0.35 } else { half_angle };
-    angle.clamp(MIN_HALF_ANGLE, MAX_HALF_ANGLE).tan()
+    real::tan(angle.clamp(MIN_HALF_ANGLE, MAX_HALF_ANGLE))
 }
 
 /// Both extents of a picture. If one is `None`, it follows from the other and the aspect ratio.

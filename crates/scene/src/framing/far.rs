@@ -5,7 +5,7 @@
 
 use crate::graph::{Background, Scene, SceneError};
 use crate::texture::Texture;
-use snell_math::{Bounds3d, DAffine3, DVec3};
+use snell_math::{Bounds3d, DAffine3, DVec3, real};
 
 /// Over this many times its size away from zero, something has fewer than 131,072 steps of single
 /// precision across.
@@ -23,7 +23,7 @@ pub fn far_origin(bounds: &Bounds3d) -> Option<DVec3> {
         return None;
     }
     // In single precision the size of something small may be anything below a step.
-    let step = 10f64.powf(size.max(away * f64::from(f32::EPSILON)).log10().ceil());
+    let step = real::powf(10f64, real::log10(size.max(away * f64::from(f32::EPSILON))).ceil());
     let origin = (center / step).round() * step;
     origin.is_finite().then_some(origin)
 }

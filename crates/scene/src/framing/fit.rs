@@ -1,7 +1,7 @@
 //! A camera whose view frames a box, or the contents of a box, as large as possible.
 
 use crate::camera::{Camera, Projection};
-use snell_math::{Bounds3d, DVec3};
+use snell_math::{Bounds3d, DVec3, real};
 
 /// Tangent of half the angle of view across the smaller side of the picture. The whole angle is 34
 /// degrees, about that of a 60 mm lens.
@@ -133,8 +133,8 @@ fn from_object(up: DVec3) -> DVec3 {
     let front = if up.z.abs() > 0.9 { DVec3::NEG_Y } else { DVec3::Z };
     let front = (front - up * up.dot(front)).normalize();
     let side = up.cross(front);
-    let level = front * AZIMUTH.cos() + side * AZIMUTH.sin();
-    level * ELEVATION.cos() + up * ELEVATION.sin()
+    let level = front * real::cos(AZIMUTH) + side * real::sin(AZIMUTH);
+    level * real::cos(ELEVATION) + up * real::sin(ELEVATION)
 }
 
 /// The box with infinite sides made finite, and with a diagonal long enough that single precision

@@ -4,7 +4,7 @@
 use crate::camera::Camera;
 use crate::graph::Environment;
 use crate::image::Image;
-use snell_math::{DAffine3, DMat3, DVec3, Rgb};
+use snell_math::{DAffine3, DMat3, DVec3, Rgb, real, rotation};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -20,9 +20,9 @@ pub fn default_sky() -> Environment {
     let mut values = Vec::with_capacity((w * h * 3) as usize);
     let (mut sum, mut weights) = (0.0, 0.0);
     for y in 0..h {
-        let (sin, cos) = (PI * (f64::from(y) + 0.5) / f64::from(h)).sin_cos();
+        let (sin, cos) = real::sin_cos(PI * (f64::from(y) + 0.5) / f64::from(h));
         for x in 0..w {
-            let (s, c) = ((f64::from(x) + 0.5) / f64::from(w) * 2.0 * PI - PI).sin_cos();
+            let (s, c) = real::sin_cos((f64::from(x) + 0.5) / f64::from(w) * 2.0 * PI - PI);
             let color = radiance(DVec3::new(sin * s, cos, -sin * c));
             sum += f64::from(Rgb::from(color).luminance()) * sin;
             weights += sin;
@@ -72,7 +72,7 @@ fn radiance(d: DVec3) -> [f32; 3] {
 /// Radiance in direction `d` from a round light with a soft edge around `toward`; `radius` is in
 /// radians.
 fn soft_box(d: DVec3, toward: DVec3, radius: f64, radiance: f64) -> f64 {
-    let angle = d.angle_between(toward);
+    let angle = rotation::angle_between(d, toward);
     radiance * (1.0 - smooth(0.4 * radius, radius, angle))
 }
 

@@ -3,7 +3,7 @@
 //! Humphreys, 4th edition, section 12.6.3).
 
 use super::{Attenuation, luminance};
-use snell_math::{Bounds3d, DVec3, Rgb, Vec3};
+use snell_math::{Bounds3d, DVec3, Rgb, Vec3, real};
 
 /// Bounds of a light, or of an emissive triangle, in space and direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +37,7 @@ impl LightBounds {
         widest: f64,
         intensity: f64,
     ) -> Option<Self> {
-        Self::checked(position, DVec3::ZERO, axis, [widest.cos(), 1.0], intensity)
+        Self::checked(position, DVec3::ZERO, axis, [real::cos(widest), 1.0], intensity)
     }
 
     /// Bounds of a flat source that emits to one side, with this extent from its centre along each
@@ -76,7 +76,7 @@ impl LightBounds {
 
 /// The mean intensity in a cone with this half-angle, in radians, that contains all of the power.
 pub(super) fn mean_intensity(power: f64, widest: f64) -> f64 {
-    let mean = power / (std::f64::consts::TAU * (1.0 - widest.cos()));
+    let mean = power / (std::f64::consts::TAU * (1.0 - real::cos(widest)));
     if mean > 0.0 { mean.min(1e300) } else { 0.0 }
 }
 

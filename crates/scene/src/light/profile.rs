@@ -5,7 +5,7 @@ use crate::image::Image;
 use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::{Kind, Value, Visitor};
-use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2};
+use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, real};
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
@@ -172,8 +172,8 @@ impl IntensityTable {
 
     /// The intensity in a unit direction of the light's coordinates.
     pub fn at(&self, direction: DVec3) -> Rgb {
-        let polar = direction.z.clamp(-1.0, 1.0).acos();
-        let azimuth = direction.y.atan2(direction.x);
+        let polar = real::acos(direction.z.clamp(-1.0, 1.0));
+        let azimuth = real::atan2(direction.y, direction.x);
         let Some((row, t)) = interval(&self.polar, polar) else { return Rgb::BLACK };
         let (column, s) =
             interval(&self.azimuth, if azimuth < 0.0 { azimuth + TAU } else { azimuth })
@@ -203,7 +203,7 @@ impl IntensityTable {
             let cos = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(rows);
             let sin = (1.0 - cos * cos).sqrt();
             for k in 0..columns {
-                let (s, c) = ((f64::from(k) + 0.5) / f64::from(columns) * TAU).sin_cos();
+                let (s, c) = real::sin_cos((f64::from(k) + 0.5) / f64::from(columns) * TAU);
                 sum += f64::from(self.at(DVec3::new(sin * c, sin * s, cos)).luminance());
             }
         }

@@ -5,7 +5,7 @@ use crate::image::Image;
 use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::{Kind, Value, Visitor};
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2, real};
 use std::fmt;
 
 snell_math::declare! {
@@ -66,7 +66,7 @@ impl Emitter for Projector {
 
     fn sample_li(&self, p: DVec3, _u: Vec2) -> Option<Incident> {
         let intensity = |direction: DVec3| {
-            let spread = if self.even { direction.z.powi(3).recip() as f32 } else { 1.0 };
+            let spread = if self.even { real::powi(direction.z, 3).recip() as f32 } else { 1.0 };
             self.scale * self.slide.at(direction) * spread
         };
         aimed::arriving(p, self.position, &self.world_from_light, intensity)
@@ -184,13 +184,13 @@ impl Slide {
 
     /// Half-angle in radians of the cone around the image.
     pub fn widest(&self) -> f64 {
-        self.half_size.length().atan()
+        real::atan(self.half_size.length())
     }
 
     /// Power in W: the integral of the luminance of the intensity over all directions.
     pub fn power(&self) -> f64 {
         // The solid angle of a patch of the plane at distance 1.
-        self.integral(|distance| distance.powi(-3))
+        self.integral(|distance| real::powi(distance, -3))
     }
 
     /// Integral of the luminance over the plane at distance 1: the power of a slide that lights it

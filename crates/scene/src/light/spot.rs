@@ -8,7 +8,7 @@ use super::{
 use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
-use snell_math::{DAffine3, DVec3, Rgb, Vec2};
+use snell_math::{DAffine3, DVec3, Rgb, Vec2, real};
 use std::f64::consts::PI;
 
 snell_math::declare! {
@@ -165,11 +165,13 @@ impl SpotFalloff {
     pub fn at(&self, cos_angle: f64) -> f64 {
         let factor = match *self {
             // The angles are compared, so that a cut-off of exactly 90 degrees includes 90 degrees.
-            Self::Power { cutoff, exponent } if cos_angle.clamp(-1.0, 1.0).acos() <= cutoff => {
+            Self::Power { cutoff, exponent }
+                if real::acos(cos_angle.clamp(-1.0, 1.0)) <= cutoff =>
+            {
                 if exponent == 0.0 {
                     1.0
                 } else {
-                    cos_angle.max(0.0).powf(exponent)
+                    real::powf(cos_angle.max(0.0), exponent)
                 }
             }
             Self::Power { .. } => 0.0,
@@ -188,7 +190,7 @@ impl SpotFalloff {
             Self::Step { inner, outer } => (inner, outer, Cone::STEP),
             Self::Fourth { inner, outer } => (inner, outer, Cone::FOURTH),
         };
-        Some(Cone { outer: outer.cos(), inner: inner.cos(), edge })
+        Some(Cone { outer: real::cos(outer), inner: real::cos(inner), edge })
     }
 
     /// Half-angle of the cone that contains all of the light, in radians, in `[0, pi]`.
@@ -205,7 +207,7 @@ impl SpotFalloff {
     /// The integral of the factor over all directions, in steradians: `[0, 4 pi]`.
     pub fn solid_angle(&self) -> f64 {
         // The midpoint rule in the cosine covers the cone only, so that narrow cones are resolved.
-        let cos_widest = self.widest().cos();
+        let cos_widest = real::cos(self.widest());
         let (n, width) = (256, 1.0 - cos_widest);
         let sum: f64 = (0..n).map(|i| self.at(1.0 - width * (i as f64 + 0.5) / n as f64)).sum();
         std::f64::consts::TAU * width * sum / n as f64

@@ -9,7 +9,7 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use snell_math::parameters::Range;
 use snell_math::spectrum::Metal;
-use snell_math::{ColorMode, Rgb, SampledSpectrum};
+use snell_math::{ColorMode, Rgb, SampledSpectrum, real};
 
 snell_math::declare! {
     /// The spectrum of a metal. A named metal may also be written as text: `"metal:Au"`.
@@ -225,14 +225,14 @@ fn measured_ior(eta: Rgb, k: Rgb, mode: ColorMode) -> ComplexIor {
 
 /// The reflectance at normal incidence for the index `n + i k`.
 fn normal_reflectance(n: f32, k: f32) -> f32 {
-    ((n - 1.0).powi(2) + k * k) / ((n + 1.0).powi(2) + k * k)
+    (real::powi(n - 1.0, 2) + k * k) / (real::powi(n + 1.0, 2) + k * k)
 }
 
 /// The absorption with which an index with the real part `n` has this reflectance at normal
 /// incidence; 0 if the reflectance is higher without any.
 fn absorption_for(n: f32, reflectance: f32) -> f32 {
     let r = reflectance.min(MOST_REFLECTANCE);
-    ((r * (n + 1.0).powi(2) - (n - 1.0).powi(2)) / (1.0 - r)).max(0.0).sqrt()
+    ((r * real::powi(n + 1.0, 2) - real::powi(n - 1.0, 2)) / (1.0 - r)).max(0.0).sqrt()
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use crate::bsdf::{Bsdf, DielectricBsdf, Interface, MicrofacetShape, bounded};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::spectrum::{Glass, LINE_D, RefractiveIndex};
-use snell_math::{ColorMode, Rgb, SampledSpectrum};
+use snell_math::{ColorMode, Rgb, SampledSpectrum, real};
 
 snell_math::declare! {
     /// The interface between air (outer side) and a clear medium, which reflects and refracts by
@@ -83,7 +83,8 @@ impl Dielectric {
             return SampledSpectrum::ONE;
         }
         mode.reflectance(
-            self.absorption.map(|sigma| bounded((-bounded(sigma, f32::MAX) * distance).exp(), 1.0)),
+            self.absorption
+                .map(|sigma| bounded(real::exp(-bounded(sigma, f32::MAX) * distance), 1.0)),
         )
     }
 

@@ -3,7 +3,7 @@
 use super::{Bitangent, BumpMap, NormalMap, ShadingPoint};
 use crate::bsdf::{Bsdf, Lobes, fresnel, unit_or};
 use snell_math::simd::{min, select};
-use snell_math::{Frame, Vec3};
+use snell_math::{Frame, Vec3, real};
 
 /// The frame of the shading normal with maps applied, on the side of the geometric normal.
 pub(super) fn shading_frame(
@@ -132,7 +132,7 @@ pub(super) fn turned(frame: Frame, angle: f32) -> Frame {
     if angle == 0.0 {
         return frame;
     }
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = real::sin_cos(angle);
     Frame { x: frame.x * cos + frame.y * sin, y: frame.y * cos - frame.x * sin, z: frame.z }
 }
 

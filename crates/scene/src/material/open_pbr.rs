@@ -13,7 +13,7 @@ use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::spectrum::{LINE_D, RefractiveIndex};
-use snell_math::{Rgb, SampledSpectrum};
+use snell_math::{Rgb, SampledSpectrum, real};
 
 snell_math::declare! {
     /// The surface that the specification OpenPBR Surface 1.1 (Academy Software Foundation)
@@ -185,7 +185,7 @@ impl TangentMap {
         let turned = self.texture.map_or(0.0, |id| {
             let [r, g, ..] = point.textures.lookup(id, point.surface, point.footprint);
             let (x, y) = (2.0 * r - 1.0, 2.0 * g - 1.0);
-            if x == 0.0 && y == 0.0 { 0.0 } else { y.atan2(x) }
+            if x == 0.0 && y == 0.0 { 0.0 } else { real::atan2(y, x) }
         });
         if self.rotation.is_finite() { self.rotation + turned } else { turned }
     }
@@ -254,7 +254,7 @@ fn modulated_ior(eta: f32, weight: f32) -> f32 {
 
 /// The roughness of the base under a rough coat (OpenPBR Surface 1.1, "Roughening").
 fn roughened(base: f32, coat: f32, weight: f32) -> f32 {
-    let together = (base.powi(4) + 2.0 * coat.powi(4)).min(1.0).sqrt().sqrt();
+    let together = (real::powi(base, 4) + 2.0 * real::powi(coat, 4)).min(1.0).sqrt().sqrt();
     base + (together - base) * weight
 }
 
@@ -664,7 +664,7 @@ impl OpenPbr {
         /// Replaces black, whose logarithm is infinite.
         const DARKEST: f32 = 1e-6;
         let color = point.reflectance(self.transmission_color.at(point));
-        let sigma_t = color.map(|c| -c.clamp(DARKEST, 1.0).ln() / depth);
+        let sigma_t = color.map(|c| -real::ln(c.clamp(DARKEST, 1.0)) / depth);
         let sigma_s = point.coefficient(self.transmission_scatter.at(point)) * (1.0 / depth);
         let sigma_a = sigma_t - sigma_s;
         let least = sigma_a

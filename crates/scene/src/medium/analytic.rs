@@ -10,7 +10,7 @@
 use super::equiangular::{Equiangular, EquiangularLight};
 use super::{MediumProperties, Scattering, Segment, Travel};
 use snell_math::exponentials::{exp, ln};
-use snell_math::{SampledSpectrum, Vec2};
+use snell_math::{SampledSpectrum, Vec2, real};
 
 /// Density along a segment: `density * exp(-slope * distance)`. It is a factor on the medium's
 /// coefficients.
@@ -35,7 +35,7 @@ impl Profile {
         } else if x.abs() < 1e-9 || x.is_nan() {
             self.density * distance
         } else {
-            self.density * -(-x).exp_m1() / self.slope
+            self.density * -real::exp_m1(-x) / self.slope
         }
     }
 
@@ -43,7 +43,7 @@ impl Profile {
     fn distance(&self, column: f64) -> f64 {
         let plain = column / self.density;
         let x = self.slope * plain;
-        if x.abs() < 1e-9 { plain } else { -(-x).ln_1p() / self.slope }
+        if x.abs() < 1e-9 { plain } else { -real::ln_1p(-x) / self.slope }
     }
 }
 
@@ -68,7 +68,7 @@ fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpe
     sigma_t.map(|sigma| {
         let sigma = f64::from(sigma);
         let depth = sigma * column;
-        let sum = if depth < 1e-6 || sigma == 0.0 { column } else { -(-depth).exp_m1() / sigma };
+        let sum = if depth < 1e-6 || sigma == 0.0 { column } else { -real::exp_m1(-depth) / sigma };
         if sum.is_finite() { sum as f32 } else { 0.0 }
     })
 }
@@ -144,13 +144,13 @@ pub fn travel_near(
         return alone;
     };
     let scattered_share =
-        |sigma: f32| if sigma == 0.0 { 0.0 } else { -(-f64::from(sigma) * length).exp_m1() };
+        |sigma: f32| if sigma == 0.0 { 0.0 } else { -real::exp_m1(-f64::from(sigma) * length) };
     let sigma = sigma_t[chosen_lane(throughput, sum, u.y)];
     // What remains of the number that has decided on scattering.
     let left = (2.0 * f64::from(u.x) / scattered_share(sigma)).min(2.0);
     let distance = match left < 1.0 {
         true => near.sample(left),
-        false => -(-(left - 1.0) * scattered_share(sigma)).ln_1p() / f64::from(sigma),
+        false => -real::ln_1p(-(left - 1.0) * scattered_share(sigma)) / f64::from(sigma),
     };
     let distance = distance.min(length);
     let through = transmittance(sigma_t, distance);

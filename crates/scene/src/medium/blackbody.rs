@@ -1,7 +1,7 @@
 //! The light that hot gas emits.
 
 use snell_math::spectrum::response::{luminance_of_light, rgb_of_light};
-use snell_math::{ColorMode, Rgb, SampledSpectrum};
+use snell_math::{ColorMode, Rgb, SampledSpectrum, real};
 use std::sync::LazyLock;
 
 /// Temperature in kelvin below which the emission is invisible.
@@ -16,7 +16,7 @@ fn planck(lambda: f32, kelvin: f32) -> f64 {
     // The second radiation constant in nm K.
     const C2: f64 = 1.438_776_877e7;
     let lambda = f64::from(lambda);
-    1e15 / (lambda.powi(5) * (C2 / (lambda * f64::from(kelvin))).exp_m1())
+    1e15 / (real::powi(lambda, 5) * real::exp_m1(C2 / (lambda * f64::from(kelvin))))
 }
 
 /// For each temperature, the colour with luminance 1, and the luminance of [`planck`].
@@ -45,7 +45,7 @@ pub fn blackbody(kelvin: f32, mode: ColorMode) -> SampledSpectrum {
     let t = at - low as f32;
     let (a, b) = (COLORS[low], COLORS[low + 1]);
     // Luminances grow nearly exponentially, so their logarithms are interpolated.
-    let luminance = || (a.1.ln() + f64::from(t) * (b.1 / a.1).ln()).exp();
+    let luminance = || real::exp(real::ln(a.1) + f64::from(t) * real::ln(b.1 / a.1));
     // Colours outside of the gamut, such as those of embers, have a negative lane.
     let color = (a.0 * (1.0 - t) + b.0 * t).map(|x| x.max(0.0));
     mode.lanes(color, |lambda| (planck(lambda, kelvin) / luminance()) as f32)

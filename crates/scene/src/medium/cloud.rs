@@ -4,7 +4,7 @@ use super::{Grid, MediumProperties, ScalarGrid};
 use crate::noise::fractal_noise;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
-use snell_math::{ColorMode, DAffine3, DVec3, Rgb, Vec3};
+use snell_math::{ColorMode, DAffine3, DVec3, Rgb, Vec3, real};
 
 /// Maximum number of cells along each axis, at which the grid takes 64 MiB.
 const MOST_CELLS: u32 = 256;
@@ -76,7 +76,7 @@ impl Cloud {
     /// The density at a point of the unit cube, between 0 and 1.
     fn density(&self, p: Vec3) -> f32 {
         let lumps = if self.lumps > 1e-3 { self.lumps } else { 1.0 };
-        let octaves = 1 + (lumps * self.resolution as f32).max(1.0).log2() as u32;
+        let octaves = 1 + real::log2((lumps * self.resolution as f32).max(1.0)) as u32;
         let from_center = 2.0 * p - 1.0;
         let inside = 1.0 - from_center.length();
         // The cloud is flatter below, like real clouds.

@@ -5,6 +5,7 @@
 
 use super::Segment;
 use snell_math::Vec3;
+use snell_math::real;
 
 /// Optical depth beyond which nothing is sampled.
 const DEEP: f64 = 30.0;
@@ -43,11 +44,11 @@ impl Equiangular {
         let (direction, to_light) =
             (segment.direction.as_dvec3(), (light.center - segment.origin).as_dvec3());
         let foot = to_light.dot(direction);
-        let height = (to_light - direction * foot).length().hypot(light.radius.into());
+        let height = real::hypot((to_light - direction * foot).length(), light.radius.into());
         let end = f64::from(segment.length).min(DEEP / sigma);
         // The difference of two arc tangents, precise even if they are nearly equal.
-        let angle = (height * end).atan2(height * height - foot * (end - foot));
-        let nearest = height.hypot(foot - foot.clamp(0.0, end));
+        let angle = real::atan2(height * end, height * height - foot * (end - foot));
+        let nearest = real::hypot(height, foot - foot.clamp(0.0, end));
         let is_sound =
             height > 1e-6 * to_light.length() && angle > 1e-9 && end < f64::from(f32::MAX);
         (is_sound && nearest * sigma < NEAR && height.is_finite() && angle.is_finite())
@@ -57,7 +58,7 @@ impl Equiangular {
     /// The distance for a uniform number `u` in `[0, 1)`.
     pub fn sample(&self, u: f64) -> f64 {
         let Self { foot, height, angle, end } = *self;
-        let (sin, cos) = (u * angle).sin_cos();
+        let (sin, cos) = real::sin_cos(u * angle);
         // The difference of the tangents of two angles, times the height.
         let distance = (height * height + foot * foot) * sin / (height * cos + foot * sin);
         if distance >= 0.0 { distance.min(end) } else { end }

@@ -4,7 +4,7 @@ use super::analytic::Profile;
 use super::{MediumProperties, Segment};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
-use snell_math::{ColorMode, DVec3, Rgb, Vec3};
+use snell_math::{ColorMode, DVec3, Rgb, Vec3, real};
 
 /// Limit of the exponent of the density. Beyond it, fog is opaque or absent.
 const MAX_EXPONENT: f64 = 60.0;
@@ -64,7 +64,7 @@ impl HeightFog {
 
     fn density(&self, p: Vec3) -> f64 {
         let height = (p.as_dvec3() - self.base).dot(self.gradient());
-        if height.is_nan() { 0.0 } else { (-height).clamp(-MAX_EXPONENT, MAX_EXPONENT).exp() }
+        if height.is_nan() { 0.0 } else { real::exp((-height).clamp(-MAX_EXPONENT, MAX_EXPONENT)) }
     }
 
     /// The properties of the fog at height 0.

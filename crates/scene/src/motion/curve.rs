@@ -1,6 +1,7 @@
 //! Curves: keyframed values over time.
 
 use snell_math::glam::DQuat;
+use snell_math::rotation;
 
 /// How values are interpolated between keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,7 +144,7 @@ impl Curve {
         if self.interpolation != Interpolation::Linear || s == 0.0 {
             return unit(self.at(time));
         }
-        unit(self.at(self.times[key])).slerp(unit(self.at(self.times[key + 1])), s)
+        rotation::slerp(unit(self.at(self.times[key])), unit(self.at(self.times[key + 1])), s)
     }
 
     /// The number of the key before a time, and the fraction of the interval to the next key, from

@@ -1,7 +1,7 @@
 //! Placements, and animated transforms whose parts are interpolated.
 
 use snell_math::glam::DQuat;
-use snell_math::{DAffine3, DMat3, DVec3};
+use snell_math::{DAffine3, DMat3, DVec3, rotation};
 
 /// A transform to the coordinates of the parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,7 +112,7 @@ impl AnimatedTransform {
             return a.map;
         }
         let stretch = a.stretch * (1.0 - s) + b.stretch * s;
-        let matrix3 = DMat3::from_quat(a.rotation.slerp(b.rotation, s)) * stretch;
+        let matrix3 = DMat3::from_quat(rotation::slerp(a.rotation, b.rotation, s)) * stretch;
         DAffine3 { matrix3, translation: a.map.translation.lerp(b.map.translation, s) }
     }
 }

@@ -5,7 +5,7 @@ use crate::framing::{turned, upright};
 use crate::surroundings::{self, BACKGROUNDS, ENVIRONMENTS, Named};
 use crate::{Background, Environment, Scene};
 use serde_json::Value;
-use snell_math::{DAffine3, DVec3, Rgb};
+use snell_math::{DAffine3, DVec3, Rgb, real, rotation::about};
 
 /// Replaces the environment, rotates it, or scales its radiance.
 pub(super) fn edit_environment(
@@ -38,7 +38,7 @@ pub(super) fn edit_environment(
                 return Err(error(key, "a number of degrees"));
             }
             let turn = (wanted - rotation(world_from_environment, up)).to_radians();
-            *world_from_environment = DAffine3::from_axis_angle(up.normalize_or(DVec3::Y), turn)
+            *world_from_environment = DAffine3::from_mat3(about(up.normalize_or(DVec3::Y), turn))
                 * *world_from_environment;
             Ok(())
         }
@@ -106,7 +106,7 @@ pub fn rotation(world_from_environment: &DAffine3, up: DVec3) -> f64 {
     let level = |v: DVec3| (v - up * v.dot(up)).normalize_or_zero();
     let zero = level(if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z });
     let middle = level(world_from_environment.transform_vector3(DVec3::NEG_Z));
-    zero.cross(middle).dot(up).atan2(zero.dot(middle)).to_degrees()
+    real::atan2(zero.cross(middle).dot(up), zero.dot(middle)).to_degrees()
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use crate::material::ShadingPoint;
 use serde::{Deserialize, Serialize};
 use snell_intersect::UV_SETS;
-use snell_math::{DVec3, Vec2, Vec3};
+use snell_math::{DVec3, Vec2, Vec3, real};
 use std::f32::consts::PI;
 
 /// Rows of an affine map of points in space: `x' = m[0] . (x, y, z, 1)`, and so on.
@@ -141,7 +141,7 @@ impl Mapping {
                 let SpacePoint { p, width } = SpacePoint::new(point, texture_from_world);
                 let (across, reach, distance) =
                     (p.truncate().length(), width.max_element(), p.length());
-                let st = Vec2::new(across.atan2(p.z) / PI, turn(p));
+                let st = Vec2::new(real::atan2(across, p.z) / PI, turn(p));
                 (st, Vec2::new(reach / (PI * distance), reach / (2.0 * PI * across)))
             }
             Self::Cylindrical { texture_from_world } => {
@@ -164,7 +164,7 @@ impl Mapping {
 /// The angle about the z axis as a fraction of a turn, from 0 to 1, counter-clockwise from the x
 /// axis.
 fn turn(p: Vec3) -> f32 {
-    let turn = p.y.atan2(p.x) / (2.0 * PI);
+    let turn = real::atan2(p.y, p.x) / (2.0 * PI);
     if turn < 0.0 { turn + 1.0 } else { turn }
 }
 

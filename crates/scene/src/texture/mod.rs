@@ -24,7 +24,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 use snell_intersect::{SurfaceInteraction, UV_SETS};
-use snell_math::{ColorMode, Vec2, Vec3};
+use snell_math::{ColorMode, Vec2, Vec3, real};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -369,6 +369,6 @@ impl TextureSet {
         let texels_per_world = texture.area_scale() * width as f32 * height as f32 / world_per_uv;
         // Half the logarithm of the area is the logarithm of the width. Infinity and NaN become a
         // defined level in `filtered`.
-        footprint.log2() + 0.5 * texels_per_world.log2()
+        real::log2(footprint) + 0.5 * real::log2(texels_per_world)
     }
 }

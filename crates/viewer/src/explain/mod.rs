@@ -15,7 +15,7 @@ pub use report::{
 
 use snell_intersect::AcceleratorKind;
 use snell_intersect::{RegionKind, TraversalTrace};
-use snell_math::{DVec2, Ray, SampledSpectrum, Vec2};
+use snell_math::{DVec2, Ray, SampledSpectrum, Vec2, real};
 use snell_render::explain::{
     Explanation, LightRay, PathTree, PathVertex, VertexKind, Wanted, explain,
 };
@@ -138,7 +138,7 @@ fn chosen(explanation: &Explanation, sample: Option<u32>) -> Option<&PathTree> {
     }
     let distance = |tree: &PathTree| {
         let color = tree.color.to_array();
-        (0..3).map(|c| (color[c] - explanation.value[c]).powi(2)).sum::<f32>()
+        (0..3).map(|c| real::powi(color[c] - explanation.value[c], 2)).sum::<f32>()
     };
     explanation.samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
@@ -157,7 +157,7 @@ fn middle_ray(camera: &Camera, settings: &Settings, pixel: [u32; 2]) -> Ray {
 fn looks(spp: u32) -> Vec<u32> {
     let last = f64::from(spp.max(1));
     let mut numbers: Vec<u32> = (0..MAX_POINTS)
-        .map(|i| last.powf(i as f64 / (MAX_POINTS - 1) as f64).round() as u32)
+        .map(|i| real::powf(last, i as f64 / (MAX_POINTS - 1) as f64).round() as u32)
         .collect();
     numbers.dedup();
     numbers

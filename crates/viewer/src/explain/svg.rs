@@ -3,6 +3,7 @@
 
 use super::text::{short, title};
 use super::{Point, Report, TraceReport, VertexReport};
+use snell_math::real;
 use std::fmt::Write;
 
 const WIDTH: f32 = 1120.0;
@@ -55,7 +56,7 @@ fn text_at(out: &mut String, x: f32, y: f32, class: &str, text: &str) {
 fn css(color: [f32; 3], scale: f32) -> String {
     let display = |c: f32| {
         let c = (c * scale).clamp(0.0, 1.0);
-        let s = if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+        let s = if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * real::powf(c, 1.0 / 2.4) - 0.055 };
         (s * 255.0).round() as u8
     };
     format!("#{:02x}{:02x}{:02x}", display(color[0]), display(color[1]), display(color[2]))
@@ -199,7 +200,7 @@ fn plot(out: &mut String, points: &[Point], top: f32) -> f32 {
         .fold(0.0_f32, |a, b| if b.is_finite() { a.max(b) } else { a });
     let ceiling =
         most.min(3.0 * last.value.iter().fold(0.0_f32, |a, &b| a.max(b))).max(1e-6) * 1.08;
-    let log = |n: u32| (n.max(1) as f32).ln();
+    let log = |n: u32| real::ln(n.max(1) as f32);
     let span = (log(last.samples) - log(first.samples)).max(1e-6);
     let x = |p: &Point| left + width * (log(p.samples) - log(first.samples)) / span;
     let y = |v: f32| top + height * (1.0 - (v / ceiling).clamp(0.0, 1.0));
@@ -237,12 +238,12 @@ fn plot(out: &mut String, points: &[Point], top: f32) -> f32 {
 /// most work.
 fn traces(out: &mut String, traces: &[TraceReport], mut y: f32) -> f32 {
     let work = |j: &TraceReport| f64::from(j.nodes) + f64::from(j.cells) + f64::from(j.primitives);
-    let most = traces.iter().map(work).fold(2.0, f64::max).ln_1p();
+    let most = real::ln_1p(traces.iter().map(work).fold(2.0, f64::max));
     for trace in traces {
         y += LINE;
         text_at(out, RIGHT, y, "", &trace.accelerator);
         let all = work(trace).max(1e-9);
-        let length = 200.0 * all.ln_1p() / most;
+        let length = 200.0 * real::ln_1p(all) / most;
         let mut x = f64::from(RIGHT) + 132.0;
         for (part, color) in
             [(trace.nodes, "#4a7fb5"), (trace.cells, "#58a68c"), (trace.primitives, "#d08a3c")]

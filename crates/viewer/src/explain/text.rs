@@ -1,6 +1,7 @@
 //! A report as text for a terminal.
 
 use super::{Report, SampleReport, VertexReport};
+use snell_math::real;
 use std::fmt::Write;
 
 /// Maximum number of path classes shown.
@@ -121,7 +122,7 @@ pub(super) fn short(x: f32) -> String {
     if x == 0.0 {
         return "0".into();
     }
-    let digits = (3 - x.abs().log10().floor() as i32).clamp(0, 7) as usize;
+    let digits = (3 - real::log10(x.abs()).floor() as i32).clamp(0, 7) as usize;
     if x.abs() < 1e-4 || x.abs() >= 1e6 { format!("{x:.2e}") } else { format!("{x:.digits$}") }
 }
 

@@ -7,6 +7,7 @@ use crate::{standard_output, threads};
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
 use snell_formats::image::{WriteOptions, write_image};
+use snell_math::real;
 use snell_render::{CompiledScene, Film, Guiding, IntegratorKind, Job, Settings, Statistics};
 use snell_scene::{Camera, LayeredImage};
 use std::path::PathBuf;
@@ -181,7 +182,7 @@ struct Errors {
 fn errors([a, b]: &[Pixels; 2], mean: &Pixels) -> Errors {
     let pixel = |((a, b), mean): ((&[f64; 3], &[f64; 3]), &[f64; 3])| {
         let channel = |c: usize| {
-            (a[c] - b[c]).powi(2)
+            real::powi(a[c] - b[c], 2)
                 / 2.0
                 / (mean[c] * mean[c] + snell_formats::image::compare::RELATIVE_EPSILON)
         };

@@ -13,6 +13,7 @@ use crate::failure::{Failure, choice};
 use crate::standard_output;
 use integrands::{INTEGRANDS, Integrand};
 use serde_json::json;
+use snell_math::real;
 use snell_render::SamplerKind;
 use snell_render::sampler::Sampler;
 use std::path::PathBuf;
@@ -81,11 +82,11 @@ impl Series {
     /// The exponent of the power law fitted to the errors; `None` for fewer than two points.
     fn exponent(&self) -> Option<f64> {
         let logs: Vec<[f64; 2]> =
-            self.points.iter().map(|p| [f64::from(p.spp).ln(), p.error.ln()]).collect();
+            self.points.iter().map(|p| [real::ln(f64::from(p.spp)), real::ln(p.error)]).collect();
         let n = logs.len() as f64;
         let mean = |axis: usize| logs.iter().map(|p| p[axis]).sum::<f64>() / n;
         let (x, y) = (mean(0), mean(1));
-        let square: f64 = logs.iter().map(|p| (p[0] - x).powi(2)).sum();
+        let square: f64 = logs.iter().map(|p| real::powi(p[0] - x, 2)).sum();
         let exponent = logs.iter().map(|p| (p[0] - x) * (p[1] - y)).sum::<f64>() / square;
         exponent.is_finite().then_some(exponent)
     }

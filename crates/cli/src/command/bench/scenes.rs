@@ -9,7 +9,7 @@ use crate::scene_source;
 use snell_formats::ReadOptions;
 use snell_formats::error::one_line;
 use snell_intersect::{BuildOptions, Geometry, GroupId, TriangleMesh, World, WorldBuilder};
-use snell_math::{Bounds3d, DAffine3, DMat3, DVec3, Transform, Vec3, rng};
+use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3, real, rng, rotation};
 use snell_render::CompiledScene;
 use snell_scene::framing::{self, FramingOptions};
 use snell_scene::{Background, Camera, Node, Scene, Surface};
@@ -213,8 +213,8 @@ fn joined(meshes: impl IntoIterator<Item = TriangleMesh>) -> TriangleMesh {
 fn place(i: u32, n: u32, mesh: &TriangleMesh) -> Transform {
     let u = |k: u32| f64::from(rng::to_unit(rng::pcg4d([i, k, 0, 0])[0]));
     let bounds = Bounds3d::from(mesh.bounds());
-    let turn = DMat3::from_axis_angle(DVec3::new(u(0), u(1), u(2) + 0.1).normalize(), u(3) * 6.0);
-    let spread = bounds.size().max_element() * f64::from(n).cbrt() * 0.7;
+    let turn = rotation::about(DVec3::new(u(0), u(1), u(2) + 0.1).normalize(), u(3) * 6.0);
+    let spread = bounds.size().max_element() * real::cbrt(f64::from(n)) * 0.7;
     let offset = DVec3::new(u(4), u(5), u(6)) * spread;
     let map = DAffine3::from_mat3_translation(turn, offset - turn * bounds.center());
     // A rotation is never singular; a mesh that is not finite is never hit anyway.

@@ -1,5 +1,6 @@
 //! A hint for pictures that show nothing because they are far too dark or too bright.
 
+use snell_math::real;
 use snell_scene::Layer;
 
 /// Values below this are black on a screen.
@@ -12,7 +13,7 @@ const SHOWN: f64 = 0.002;
 /// `None` if it is not. Pixels of alpha 0 do not count.
 pub fn exposure_hint(picture: &Layer, exposure: f64) -> Option<String> {
     let channels = picture.channels.len();
-    let factor = exposure.exp2();
+    let factor = real::exp2(exposure);
     let (mut pixels, mut dark, mut bright, mut sum) = (0_u64, 0_u64, 0_u64, 0.0);
     for pixel in picture.values.chunks_exact(channels.max(3)) {
         if pixel.get(3).is_some_and(|&alpha| alpha == 0.0) {
@@ -26,7 +27,7 @@ pub fn exposure_hint(picture: &Layer, exposure: f64) -> Option<String> {
         bright += u64::from(least * factor > 1.001);
     }
     let most_are = |count: u64| count as f64 >= (1.0 - SHOWN) * pixels.max(1) as f64;
-    let stops = (0.4 * pixels as f64 / sum).log2().round();
+    let stops = real::log2(0.4 * pixels as f64 / sum).round();
     if most_are(dark) && sum == 0.0 {
         let hint = "the picture is black: no light reaches the camera, which may be inside of \
             something; `snell doctor` may say why, and --environment sky adds light";

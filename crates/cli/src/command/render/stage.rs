@@ -5,8 +5,7 @@ use super::{choose_camera, prepare_for};
 use crate::failure::Failure;
 use snell_formats::error::one_line;
 use snell_intersect::BuildOptions;
-use snell_math::glam::DQuat;
-use snell_math::{DAffine3, DVec3};
+use snell_math::{DAffine3, DVec3, rotation};
 use snell_render::{CompiledScene, Moving};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::{Camera, Environment, Light, Player, Pose, Scene};
@@ -182,7 +181,7 @@ impl Stage {
     /// seems to turn the other way. Light that was made for the camera turns with it.
     pub fn turn(&mut self, shot: &mut Shot, share: f64) {
         let up = self.scene.settings.up.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y);
-        let turn = DAffine3::from_quat(DQuat::from_axis_angle(up, share * std::f64::consts::TAU));
+        let turn = DAffine3::from_mat3(rotation::about(up, share * std::f64::consts::TAU));
         let middle = shot.compiled.center.as_dvec3();
         let about = DAffine3::from_translation(middle) * turn * DAffine3::from_translation(-middle);
         shot.camera = shot.camera.moved(&about);

@@ -2,6 +2,7 @@
 
 use super::Kind;
 use half::f16;
+use snell_math::real;
 use snell_scene::Pixels;
 
 /// Decodes values one after the other. Returns the number of channels too.
@@ -92,7 +93,7 @@ pub fn floats_of_words(bytes: &[u8], color: impl Fn(u32) -> [f32; 3]) -> (u32, P
 /// Nine bits for red, green and blue, then five for the exponent, whose bias is 15; the numbers
 /// have nine bits after the point.
 pub fn shared_exponent(word: u32) -> [f32; 3] {
-    let scale = 2f32.powi((word >> 27) as i32 - 15 - 9);
+    let scale = real::powi(2f32, (word >> 27) as i32 - 15 - 9);
     [0, 9, 18].map(|shift| (word >> shift & 0x1ff) as f32 * scale)
 }
 

@@ -4,6 +4,7 @@ use super::Reader;
 use super::json::Json;
 use crate::ReadError;
 use snell_math::DAffine3;
+use snell_math::real;
 use snell_scene::{Camera, Projection};
 use std::f64::consts::PI;
 
@@ -57,7 +58,7 @@ pub(super) fn projection(camera: &Json) -> Result<Projection, ReadError> {
                     "the angle of view is {given} radians, expected more than 0 and less than pi"
                 )));
             }
-            Ok(Projection::Perspective { tan_half_fov: [None, Some((y / 2.0).tan())] })
+            Ok(Projection::Perspective { tan_half_fov: [None, Some(real::tan(y / 2.0))] })
         }
         "orthographic" => {
             let height = camera.require("orthographic")?.require("ymag")?;

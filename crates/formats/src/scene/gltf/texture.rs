@@ -7,6 +7,7 @@ use crate::image::read_image;
 use crate::{Input, ReadError};
 use rayon::prelude::*;
 use snell_intersect::UV_SETS;
+use snell_math::real;
 use snell_scene::graph::ImageId;
 use snell_scene::texture::{Filtering, Wrap, missing_texture_image};
 use snell_scene::{Encoding, Image, ImageTexture, TextureId, WarningKind};
@@ -286,7 +287,7 @@ pub(super) fn placement(info: &Json) -> Result<(usize, [[f32; 3]; 2]), ReadError
         set = transform.size_or("texCoord", set)?;
         let [tx, ty] = transform.numbers_or("offset", [0.0; 2])?;
         let [sx, sy] = transform.numbers_or("scale", [1.0; 2])?;
-        let (sin, cos) = transform.number_or("rotation", 0.0)?.sin_cos();
+        let (sin, cos) = real::sin_cos(transform.number_or("rotation", 0.0)?);
         // Coordinates are scaled, rotated counter-clockwise as seen with v downwards, then
         // translated. (The formula in the extension's text rotates the other way; its test model
         // and common viewers agree on this one.)

@@ -3,6 +3,7 @@
 
 use super::value::Hue;
 use snell_math::Rgb;
+use snell_math::real;
 use snell_math::spectrum::Spectrum;
 use snell_math::spectrum::cie::{LAMBDA_MAX, LAMBDA_MIN, OBSERVER_1931};
 use snell_scene::material::ColorParam;
@@ -57,7 +58,7 @@ pub fn blackbody_luminance(kelvin: f64) -> f64 {
     let (mut sum, mut ones) = (0.0, 0.0);
     for (i, cie) in OBSERVER_1931.iter().enumerate() {
         let meters = (f64::from(LAMBDA_MIN) + i as f64) * 1e-9;
-        sum += cie[1] * C1 / (meters.powi(5) * (C2 / (meters * kelvin)).exp_m1()) * 1e-9;
+        sum += cie[1] * C1 / (real::powi(meters, 5) * real::exp_m1(C2 / (meters * kelvin))) * 1e-9;
         ones += cie[1];
     }
     sum / ones

@@ -6,7 +6,7 @@ use super::object::Object;
 use super::texture::{Pattern, rgb_of};
 use super::value::Value;
 use crate::scene::fault::Fault;
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, real};
 use snell_scene::graph::{Environment, ImageId};
 use snell_scene::light::sky::Sky;
 use snell_scene::light::{
@@ -204,11 +204,11 @@ impl Builder<'_> {
         }
         let texture = ImageTexture { image: ImageId(0), ..texture.clone() };
         let textures = TextureSet::new(&[texture.into()], std::slice::from_ref(&picture));
-        let half = cutoff.tan();
+        let half = real::tan(cutoff);
         let place = |i: u32| 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(side);
         let mut values = Vec::with_capacity((side * side * 3) as usize);
         for (left, up) in (0..side).flat_map(|y| (0..side).map(move |x| (place(x), place(y)))) {
-            let angle = (half * left.hypot(up)).atan();
+            let angle = real::atan(half * real::hypot(left, up));
             let fall = if angle <= beam { 1.0 } else { (cutoff - angle) / (cutoff - beam) };
             let uv = (DVec2::new(left, up) * 0.5 + 0.5).as_vec2();
             let [r, g, b, _] = textures.lookup_at(TextureId(0), uv, 0.0);
@@ -337,8 +337,8 @@ impl Builder<'_> {
         let has_sun = object.kind != "sky" && object.float_or("sun_scale", 1.0)? > 0.0;
         let albedo = self.constant(object, "albedo")?.map_or(0.3, |c| c.luminance());
         let sky = Sky {
-            elevation: towards.y.clamp(0.0, 1.0).asin().to_degrees(),
-            azimuth: towards.x.atan2(-towards.z).to_degrees(),
+            elevation: real::asin(towards.y.clamp(0.0, 1.0)).to_degrees(),
+            azimuth: real::atan2(towards.x, -towards.z).to_degrees(),
             turbidity: object.float_within("turbidity", 3.0, [1.0, 10.0])?,
             ground: f64::from(albedo.clamp(0.0, 1.0)),
             sun: if has_sun { 0.5358 } else { 0.0 },

@@ -3,7 +3,7 @@
 use super::Builder;
 use super::object::Object;
 use crate::scene::fault::{Fault, Spot};
-use snell_math::{DAffine3, DVec3};
+use snell_math::{DAffine3, DVec3, real};
 use snell_scene::camera::Intrinsics;
 use snell_scene::{Background, Camera, Projection};
 
@@ -330,10 +330,10 @@ impl Builder<'_> {
                 return Err(Fault::new(at, "this is not a focal length", "write one like 50mm"));
             };
             // Half of the diagonal of 35 mm film.
-            return Ok(of_diagonal(36f64.hypot(24.0) / (2.0 * length)));
+            return Ok(of_diagonal(real::hypot(36f64, 24.0) / (2.0 * length)));
         }
         let fov = object.float_within("fov", 0.0, [1e-6, 179.999])?;
-        let tan = (fov * 0.5).to_radians().tan();
+        let tan = real::tan((fov * 0.5).to_radians());
         Ok(match axis {
             "x" => tan,
             "y" => tan * aspect,

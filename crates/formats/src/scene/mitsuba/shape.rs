@@ -16,7 +16,7 @@ use mesh::{KnownMesh, flip_v, turn_over};
 use primitive::{cube, disk, rectangle};
 use snell_intersect::shape::{Cylinder, Disk, Rectangle, Sphere};
 use snell_intersect::{AnyShape, Shape, StrandBasis, TriangleMesh};
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform, Vec3};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform, Vec3, real};
 use snell_scene::material::{
     AlphaMode, Diffuse, Interface, Interior, MaterialKind, MetallicRoughness,
 };
@@ -479,8 +479,8 @@ impl Builder<'_> {
                 .analytic(Sphere { radius }, DAffine3::from_mat3_translation(around_z(), center)));
         }
         let mesh = swept(360.0, [AROUND, ALONG], |phi, v| {
-            let (sin, cos) = ((1.0 - v) * std::f64::consts::PI).sin_cos();
-            let normal = DVec3::new(sin * phi.cos(), sin * phi.sin(), cos);
+            let (sin, cos) = real::sin_cos((1.0 - v) * std::f64::consts::PI);
+            let normal = DVec3::new(sin * real::cos(phi), sin * real::sin(phi), cos);
             (normal * radius + center, normal)
         });
         self.made(object, flip_v(mesh))
@@ -501,7 +501,7 @@ impl Builder<'_> {
             return Ok(self.analytic(Cylinder { radius, height, caps: false }, place));
         }
         let mesh = swept(360.0, [AROUND, 1], |phi, v| {
-            let normal = DVec3::new(phi.cos(), phi.sin(), 0.0);
+            let normal = DVec3::new(real::cos(phi), real::sin(phi), 0.0);
             (p0 + frame * (normal * radius + DVec3::Z * (height * v)), frame * normal)
         });
         self.made(object, mesh)

@@ -3,7 +3,7 @@
 use super::Builder;
 use crate::ReadError;
 use crate::scene::tokens::{Token, Tokens};
-use snell_math::{DVec3, Rgb};
+use snell_math::{DVec3, Rgb, real};
 use snell_scene::light::{Attenuation, Point};
 use snell_scene::material::Phong;
 use snell_scene::{Background, Camera, Material, MaterialId, Projection, WarningKind};
@@ -103,7 +103,7 @@ impl Builder {
         // pixel less on either side.
         let rows = f64::from(size[1]);
         let rows_between_centers = if rows > 1.0 { rows - 1.0 } else { rows };
-        let tan = (angle.to_radians() / 2.0).tan() * rows / rows_between_centers;
+        let tan = real::tan(angle.to_radians() / 2.0) * rows / rows_between_centers;
         Camera {
             name: "view".into(),
             eye,

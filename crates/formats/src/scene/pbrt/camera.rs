@@ -4,7 +4,7 @@ use super::Builder;
 use super::options::{Crop, is_kind};
 use super::params::Params;
 use crate::scene::fault::Fault;
-use snell_math::{DAffine3, DVec3};
+use snell_math::{DAffine3, DVec3, real};
 use snell_scene::camera::Intrinsics;
 use snell_scene::{Camera, Projection};
 
@@ -150,7 +150,7 @@ fn perspective(
             params.fault(format!("a field of view of {fov} degrees"), "give one between 0 and 180")
         );
     }
-    let tan = behind_lenses.unwrap_or_else(|| (fov * 0.5).to_radians().tan());
+    let tan = behind_lenses.unwrap_or_else(|| real::tan((fov * 0.5).to_radians()));
     if screen.is_centred() {
         return Ok(Projection::Perspective { tan_half_fov: screen.half_extents(tan, size) });
     }

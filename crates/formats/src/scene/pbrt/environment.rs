@@ -7,7 +7,7 @@ use super::Builder;
 use super::params::{Params, Type};
 use super::spectrum::Role;
 use crate::scene::fault::Fault;
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, real};
 use snell_scene::camera::{equal_area_direction, equal_area_place};
 use snell_scene::light::environment::Portal;
 use snell_scene::{Environment, Image};
@@ -184,7 +184,8 @@ fn illuminance_from_above(image: &Image) -> f64 {
 /// full turn in the scene's latitude-longitude picture. The picture's x is x, its y is z, and its
 /// middle, `-z`, is y.
 fn environment_direction(theta: f64, turn: f64) -> DVec3 {
-    let ((sin, cos), (sin_phi, cos_phi)) = (theta.sin_cos(), ((turn - 0.5) * TAU).sin_cos());
+    let ((sin, cos), (sin_phi, cos_phi)) =
+        (real::sin_cos(theta), real::sin_cos((turn - 0.5) * TAU));
     DVec3::new(sin * sin_phi, sin * cos_phi, cos)
 }
 

@@ -8,6 +8,7 @@ use super::spectrum::COPPER;
 use super::texture::Pattern;
 use crate::scene::fault::Fault;
 use snell_math::Rgb;
+use snell_math::real;
 use snell_scene::Material;
 use snell_scene::material::{
     Conductor, ConductorSpectrum, Dielectric, Diffuse, MetallicRoughness, Mirror, OpenPbr, Plastic,
@@ -16,7 +17,7 @@ use snell_scene::material::{
 
 /// Width of the microfacet distribution for a roughness of pbrt-v3.
 pub fn alpha_of_roughness(roughness: f32) -> f32 {
-    let x = roughness.max(1e-3).ln();
+    let x = real::ln(roughness.max(1e-3));
     1.62142 + x * (0.819955 + x * (0.1734 + x * (0.0171201 + x * 0.000640711)))
 }
 

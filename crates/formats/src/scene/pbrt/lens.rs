@@ -3,6 +3,7 @@
 use super::Builder;
 use super::params::Params;
 use crate::scene::fault::Fault;
+use snell_math::real;
 
 /// Diagonal in mm of a film that names none.
 const DIAGONAL: f64 = 35.0;
@@ -35,7 +36,7 @@ impl Builder<'_> {
             )
         });
         let distance = if focus > length { length * focus / (focus - length) } else { length };
-        let shorter = self.options.diagonal.unwrap_or(DIAGONAL) * w.min(h) / w.hypot(h);
+        let shorter = self.options.diagonal.unwrap_or(DIAGONAL) * w.min(h) / real::hypot(w, h);
         Ok(Some(0.5 * shorter / distance).filter(|tan| *tan > 0.0 && tan.is_finite()))
     }
 }

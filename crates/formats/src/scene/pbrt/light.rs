@@ -11,7 +11,7 @@ use super::options::is_kind;
 use super::params::{Params, Type};
 use super::spectrum::Role;
 use crate::scene::fault::Fault;
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform, real};
 use snell_scene::light::{
     Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide, Spot, SpotFalloff,
 };
@@ -145,7 +145,8 @@ impl Builder<'_> {
         let delta = params.float_or("conedeltaangle", 5.0)?;
         let (outer, inner) = (cone.to_radians(), (cone - delta).clamp(0.0, cone).to_radians());
         if let Some(power) = self.positive(params, "power")? {
-            let emitted = 2.0 * PI * ((1.0 - inner.cos()) + (inner.cos() - outer.cos()) / 2.0);
+            let emitted =
+                2.0 * PI * ((1.0 - real::cos(inner)) + (real::cos(inner) - real::cos(outer)) / 2.0);
             intensity = intensity * if emitted > 0.0 { (power / emitted) as f32 } else { 0.0 };
         }
         let Some((position, direction)) = self.axis(params, map)? else { return Ok(()) };
@@ -203,7 +204,8 @@ impl Builder<'_> {
             scale = scale * if mean > 0.0 { (power / (4.0 * PI * mean)) as f32 } else { 0.0 };
         }
         let around = |theta: f64, turn: f64| {
-            let ((sin, cos), (sin_phi, cos_phi)) = (theta.sin_cos(), (turn * TAU).sin_cos());
+            let ((sin, cos), (sin_phi, cos_phi)) =
+                (real::sin_cos(theta), real::sin_cos(turn * TAU));
             DVec3::new(sin * cos_phi, sin * sin_phi, cos)
         };
         let table = if is_old {
@@ -227,7 +229,7 @@ impl Builder<'_> {
         }
         let (image, _) = self.light_picture(params)?;
         let aspect = f64::from(image.width) / f64::from(image.height);
-        let half = (fov * 0.5).to_radians().tan();
+        let half = real::tan((fov * 0.5).to_radians());
         let half_size = DVec2::new(aspect.max(1.0), (1.0 / aspect).max(1.0)) * half;
         let (Some(slide), Some(world_from_light)) = (Slide::new(&image, half_size), unit_axes(map))
         else {

@@ -13,6 +13,7 @@ use crate::scene::scattering::{self, Coefficients, color_of_albedo};
 use crate::scene::shapes::crossed;
 use crate::scene::sheet::letting_through;
 use snell_math::Rgb;
+use snell_math::real;
 use snell_math::spectrum::Metal;
 use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{
@@ -582,7 +583,7 @@ impl Builder<'_> {
         let pattern = match (u, v) {
             (Some(u), Some(v)) => match (u.as_constant(), v.as_constant()) {
                 (Some(u), Some(v)) if u != v => {
-                    let width = |roughness: Rgb| (function.apply)(roughness.r).powi(2);
+                    let width = |roughness: Rgb| real::powi((function.apply)(roughness.r), 2);
                     return Ok(Roughness::of_widths(width(u), width(v)));
                 }
                 _ => u,

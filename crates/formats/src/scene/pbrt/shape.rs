@@ -17,7 +17,7 @@ use super::params::{Params, Type};
 use crate::scene::fault::Fault;
 use crate::scene::shapes::{ShapeTable, wind_by_normals};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
-use snell_math::{DAffine3, DVec3, Transform, Vec3, Vec4};
+use snell_math::{DAffine3, DVec3, Transform, Vec3, Vec4, real};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -374,7 +374,7 @@ impl Builder<'_> {
 
 /// The approximate side area of a strand, from its control polygon.
 fn side_area(points: &[Vec4], place: DAffine3) -> f64 {
-    let scale = place.matrix3.determinant().abs().cbrt();
+    let scale = real::cbrt(place.matrix3.determinant().abs());
     let side = |ends: &[Vec4]| {
         let [a, b] = [ends[0], ends[1]].map(|p| place.transform_point3(p.truncate().as_dvec3()));
         (b - a).length() * f64::from(ends[0].w + ends[1].w) * std::f64::consts::PI * scale

@@ -6,6 +6,7 @@ use super::params::{Param, Type, Values};
 use crate::input::CONFINED;
 use crate::scene::fault::{Fault, Spot};
 use snell_math::Rgb;
+use snell_math::real;
 use snell_math::spectrum::cie::{LAMBDA_MIN, OBSERVER_1931};
 
 /// The colour space of RGB values.
@@ -196,7 +197,10 @@ fn blackbody(param: &Param, kelvin: f64) -> Result<Rgb, Fault> {
         .map(|l| {
             let lambda = f64::from(l);
             // hc / k in nm K; the constants in front cancel.
-            (lambda, (lambda / 560.0).powi(-5) / (1.438_776_877e7 / (lambda * kelvin)).exp_m1())
+            (
+                lambda,
+                real::powi(lambda / 560.0, -5) / real::exp_m1(1.438_776_877e7 / (lambda * kelvin)),
+            )
         })
         .collect();
     Ok(average(&samples, Role::Light))

@@ -11,7 +11,7 @@ use super::params::{Params, Type};
 use super::spectrum::Role;
 use super::state::Target;
 use crate::scene::fault::{Fault, Spot};
-use snell_math::{DAffine3, Rgb, Vec3};
+use snell_math::{DAffine3, Rgb, Vec3, real};
 use snell_scene::graph::ImageId;
 use snell_scene::material::{ColorParam, ScalarParam};
 use snell_scene::texture::mapping::{IDENTITY, Rows};
@@ -621,8 +621,8 @@ impl Builder<'_> {
             Vec::with_capacity(image.width as usize * image.height as usize * channels as usize);
         for (y, x) in (0..image.height).flat_map(|y| (0..image.width).map(move |x| (y, x))) {
             let [r, g, b, _] = image.rgba_as(x, y, picture.encoding);
-            let decoded =
-                Rgb::new(r, g, b).map(|v| picture.gamma.map_or(v, |gamma| v.max(0.0).powf(gamma)));
+            let decoded = Rgb::new(r, g, b)
+                .map(|v| picture.gamma.map_or(v, |gamma| real::powf(v.max(0.0), gamma)));
             let shown =
                 |color: Rgb| function.map_or(color, |(factor, f)| (color * factor).map(f.apply));
             match is_color {

@@ -3,7 +3,7 @@
 use super::lexer::Lexer;
 use super::state::State;
 use crate::scene::fault::{Fault, Spot};
-use snell_math::{DAffine3, DMat4, DVec3, Transform};
+use snell_math::{DAffine3, DMat4, DVec3, Transform, rotation};
 
 /// Reads the arguments of a transform directive and applies it.
 pub fn read(directive: &str, lexer: &mut Lexer, at: Spot, state: &mut State) -> Result<(), Fault> {
@@ -23,7 +23,7 @@ pub fn read(directive: &str, lexer: &mut Lexer, at: Spot, state: &mut State) -> 
                     "give an axis",
                 ));
             };
-            state.concatenate(DAffine3::from_axis_angle(axis, angle.to_radians()));
+            state.concatenate(DAffine3::from_mat3(rotation::about(axis, angle.to_radians())));
         }
         "LookAt" => state.concatenate(look_at(lexer, at)?),
         "Transform" => {

@@ -4,7 +4,7 @@ use super::Builder;
 use super::file::File;
 use super::light::default_lights;
 use crate::ReadError;
-use snell_math::{DVec3, Rgb};
+use snell_math::{DVec3, Rgb, real};
 use snell_scene::{Camera, Projection};
 
 /// Half of the horizontal angle of view of the default camera, radians.
@@ -83,7 +83,7 @@ fn camera(eye: DVec3, towards: DVec3, up: DVec3, xfov: f64) -> Camera {
         eye,
         towards,
         up,
-        projection: Projection::Perspective { tan_half_fov: [Some(xfov.tan()), None] },
+        projection: Projection::Perspective { tan_half_fov: [Some(real::tan(xfov)), None] },
         aperture_radius: 0.0,
         focus_distance: 1.0,
         resolution: None,

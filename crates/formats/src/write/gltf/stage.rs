@@ -2,7 +2,7 @@
 
 use super::{Document, placed};
 use serde_json::{Value, json};
-use snell_math::{DAffine3, DMat3, DVec3, Rgb};
+use snell_math::{DAffine3, DMat3, DVec3, Rgb, real};
 use snell_scene::light::{Attenuation, Directional, Point, Spot, SpotFalloff};
 use snell_scene::{Camera, Light, Projection};
 
@@ -79,7 +79,7 @@ fn projection(
                 [None, None] => 1.0,
             };
             let perspective =
-                json!({ "yfov": 2.0 * y.atan(), "aspectRatio": aspect, "znear": near });
+                json!({ "yfov": 2.0 * real::atan(y), "aspectRatio": aspect, "znear": near });
             Some(json!({ "type": "perspective", "perspective": perspective }))
         }
         Projection::Intrinsics(k) => {
@@ -88,7 +88,7 @@ fn projection(
                 document.output.lose(format!("{who}: the distortion of its lens is left out"));
             }
             let y = f64::from(k.size[1]) / (2.0 * k.focal_length[1].abs());
-            let perspective = json!({ "yfov": 2.0 * y.atan(), "znear": near });
+            let perspective = json!({ "yfov": 2.0 * real::atan(y), "znear": near });
             Some(json!({ "type": "perspective", "perspective": perspective }))
         }
         Projection::Orthographic { half_size } => {

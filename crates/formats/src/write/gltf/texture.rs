@@ -4,6 +4,7 @@
 use super::Document;
 use crate::write::picture::{Pictures, encoded};
 use serde_json::{Value, json};
+use snell_math::real;
 use snell_math::spectrum::linear_to_srgb;
 use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Encoding, Image, ImageTexture, Pixels, TextureId};
@@ -70,8 +71,8 @@ impl Document<'_, '_> {
         if texture.uv_transform == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
             return None;
         }
-        let (scale_x, rotation) = (a.hypot(d), (-d).atan2(a));
-        let (sin, cos) = rotation.sin_cos();
+        let (scale_x, rotation) = (real::hypot(a, d), real::atan2(-d, a));
+        let (sin, cos) = real::sin_cos(rotation);
         let scale_y = b * sin + e * cos;
         if (b * cos - e * sin).abs() > 1e-5 * scale_y.abs().max(1e-9) {
             self.output.lose(format!("{who}: the shear of a texture is left out"));

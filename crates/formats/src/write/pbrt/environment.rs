@@ -4,7 +4,7 @@
 use super::{File, rgb, transform};
 use crate::write::picture::encoded;
 use rayon::prelude::*;
-use snell_math::{DAffine3, DMat3, DVec3};
+use snell_math::{DAffine3, DMat3, DVec3, real};
 use snell_scene::light::environment::Portal;
 use snell_scene::{Environment, Image};
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
@@ -99,7 +99,7 @@ pub(super) fn direction_of_square(u: f64, v: f64) -> DVec3 {
         if radius == 0.0 { FRAC_PI_4 } else { ((v.abs() - u.abs()) / radius + 1.0) * FRAC_PI_4 };
     let z = (1.0 - radius * radius).copysign(distance);
     let around = radius * (2.0 - radius * radius).max(0.0).sqrt();
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = real::sin_cos(angle);
     DVec3::new((cos * around).copysign(u), (sin * around).copysign(v), z)
 }
 
@@ -107,8 +107,8 @@ pub(super) fn direction_of_square(u: f64, v: f64) -> DVec3 {
 /// its right.
 fn lookup(image: &Image, d: DVec3) -> [f32; 3] {
     let (w, h) = (f64::from(image.width), f64::from(image.height));
-    let x = (d.x.atan2(-d.z) / TAU + 0.5) * w - 0.5;
-    let y = d.y.clamp(-1.0, 1.0).acos() / PI * h - 0.5;
+    let x = (real::atan2(d.x, -d.z) / TAU + 0.5) * w - 0.5;
+    let y = real::acos(d.y.clamp(-1.0, 1.0)) / PI * h - 0.5;
     let (fx, fy) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
     let mut color = [0.0; 3];
     for (dx, dy, weight) in [

@@ -3,7 +3,7 @@
 use super::environment::direction_of_square;
 use super::{File, point, rgb, transform};
 use crate::write::picture::encoded;
-use snell_math::{DAffine3, DMat3, DVec3, Rgb};
+use snell_math::{DAffine3, DMat3, DVec3, Rgb, real};
 use snell_scene::light::{
     Attenuation, Directional, Disk, Point, Profile, Projector, Rectangle, Spot, SpotFalloff,
 };
@@ -171,7 +171,8 @@ impl File<'_, '_> {
             let place = |i: u32, n: u32| (f64::from(i) + 0.5) / f64::from(n) * 2.0 - 1.0;
             let direction =
                 DVec3::new(place(x, w) * half.x, -place(y, h) * half.y, 1.0).normalize();
-            let spread = if projector.even { direction.z.powi(3).recip() as f32 } else { 1.0 };
+            let spread =
+                if projector.even { real::powi(direction.z, 3).recip() as f32 } else { 1.0 };
             values.extend((slide.at(direction) * projector.scale * spread).to_array());
         }
         let image = encoded(&Image::from_f32(w, h, 3, values)).0;
@@ -180,7 +181,7 @@ impl File<'_, '_> {
             matrix3: projector.world_from_light,
             translation: projector.position,
         });
-        let fov = 2.0 * half.min_element().atan().to_degrees();
+        let fov = 2.0 * real::atan(half.min_element()).to_degrees();
         self.line(format!(
             "AttributeBegin\n  {place}\n  LightSource \"projection\" \"float fov\" [ {fov} ] \
                 \"string filename\" [ \"{name}\" ]\nAttributeEnd"

@@ -5,7 +5,7 @@ use super::{File, quoted, rgb};
 use crate::write::material::{lose_shape, open_pbr, shown_name, without_spectrum};
 use crate::write::picture::Baked;
 use snell_math::spectrum::Metal;
-use snell_math::{ColorMode, Rgb};
+use snell_math::{ColorMode, Rgb, real};
 use snell_scene::bsdf::fresnel;
 use snell_scene::material::{
     AlphaMode, ColorParam, Conductor, ConductorSpectrum, Hair, HeightUnit, MaterialKind,
@@ -449,7 +449,7 @@ impl File<'_, '_> {
             return Body::new(format!("\"string type\" [ \"thindielectric\" ]{eta}"));
         }
         let absorption = match depth > 0.0 {
-            true => color.map(|c| -c.clamp(1e-6, 1.0).ln() / depth),
+            true => color.map(|c| -real::ln(c.clamp(1e-6, 1.0)) / depth),
             false => Rgb::BLACK,
         };
         if !surface.transmission_scatter.factor.is_black() {

@@ -2,7 +2,7 @@
 
 use super::{File, quoted, rgb};
 use crate::write::picture::Baked;
-use snell_math::{DAffine3, DVec3, Rgb, Transform};
+use snell_math::{DAffine3, DVec3, Rgb, Transform, real};
 use snell_scene::material::ColorParam;
 use snell_scene::texture::mapping::{IDENTITY, Rows};
 use snell_scene::texture::{Filtering, Mapping, Pattern, Wrap, errors, pattern};
@@ -93,7 +93,8 @@ impl File<'_, '_> {
         if !ROOTS.contains(&power.exponent) || !prefix.is_empty() {
             return None;
         }
-        let factor = power.base.factor * if is_remapped { factor.powi(4) } else { factor.powi(2) };
+        let factor = power.base.factor
+            * if is_remapped { real::powi(factor, 4) } else { real::powi(factor, 2) };
         Some((self.pattern(base, Kind::Number, factor, who), is_remapped))
     }
 

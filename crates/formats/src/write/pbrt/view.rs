@@ -1,7 +1,7 @@
 //! Camera, film and the scene's render settings.
 
 use super::{File, point, quoted, transform};
-use snell_math::{DAffine3, DMat3, DVec3, Transform};
+use snell_math::{DAffine3, DMat3, DVec3, Transform, real};
 use snell_scene::{Camera, Projection};
 
 /// Default size of pictures.
@@ -26,7 +26,8 @@ impl File<'_, '_> {
             self.output.lose("all cameras but the first are left out");
         }
         let settings = &scene.settings;
-        let ratio = settings.imaging_ratio.unwrap_or(1.0) * settings.exposure.unwrap_or(0.0).exp2();
+        let ratio =
+            settings.imaging_ratio.unwrap_or(1.0) * real::exp2(settings.exposure.unwrap_or(0.0));
         let number = |name: &str, value: f64| format!(" \"float {name}\" [ {value} ]");
         let iso =
             Some(ratio).filter(|ratio| *ratio != 1.0).map(|ratio| number("iso", 100.0 * ratio));
@@ -89,7 +90,7 @@ impl File<'_, '_> {
                 let least = x.min(y);
                 let fov = format!(
                     "\"perspective\" \"float fov\" [ {} ]",
-                    2.0 * least.atan().to_degrees()
+                    2.0 * real::atan(least).to_degrees()
                 );
                 let (x, y) = (x / least, y / least);
                 if is_plain { fov } else { format!("{fov} {}", window([-x, x], [-y, y])) }

@@ -7,7 +7,7 @@
 //! which a bound on their error detects; then the two determinants are computed exactly.
 
 use snell_math::exact::{DoubleDouble, Expansion, Number};
-use snell_math::{DRay, DVec3};
+use snell_math::{DRay, DVec3, real};
 
 /// The least ratio of a determinant to the sum of the magnitudes of its products for which
 /// double-double numbers are accurate enough. Their error is at most `20 u^2 = 2^-101.6` of that
@@ -188,5 +188,5 @@ fn exponent(x: f64) -> i32 {
 /// `x 2^exponent`, in steps, because `2^exponent` itself may be out of range.
 fn scaled(x: f64, exponent: i32) -> f64 {
     let half = exponent / 2;
-    x * 2f64.powi(half) * 2f64.powi(exponent - half)
+    x * real::powi(2f64, half) * real::powi(2f64, exponent - half)
 }

@@ -8,7 +8,7 @@ use super::polygon::{parts_of_box, plane_in_box};
 use super::{ChildRef, Node};
 use crate::lecture::primitives::{Item, PARALLEL, Primitives};
 use snell_math::plane::{Plane, Side, Vertices};
-use snell_math::{Bounds3d, DVec3};
+use snell_math::{Bounds3d, DVec3, real};
 
 /// Sets of up to this size are not divided.
 const LEAF: usize = 2;
@@ -128,7 +128,7 @@ pub(super) fn tree(primitives: &Primitives) -> (Part, ChildRef, DVec3) {
         primitives,
         center,
         tolerance: size * TOLERANCE,
-        max_depth: 12 + (2.0 * (n.max(1) as f64).log2()) as u32,
+        max_depth: 12 + (2.0 * real::log2(n.max(1) as f64)) as u32,
     };
     let mut part = Part::default();
     let cell = Bounds3d { min: bounds.min - center, max: bounds.max - center };

@@ -5,7 +5,7 @@ use super::{Cell, Grids, Level, MAX_LEVELS, PADDING};
 use crate::lecture::AcceleratorOptions;
 use crate::lecture::primitives::{Item, PARALLEL, Primitives, bounds_of};
 use rayon::prelude::*;
-use snell_math::{Bounds3d, DVec3};
+use snell_math::{Bounds3d, DVec3, real};
 
 /// The number of cells per primitive of the outermost grid.
 const DENSITY: f64 = 3.0;
@@ -59,7 +59,7 @@ fn by_density(bounds: &Bounds3d, count: usize, density: f64) -> [u32; 3] {
     let sides: Vec<f64> = size.to_array().into_iter().filter(|&s| s > longest * 1e-3).collect();
     let volume: f64 = sides.iter().map(|s| s / longest).product();
     let per_length =
-        (density * count as f64 / volume).powf(1.0 / sides.len().max(1) as f64) / longest;
+        real::powf(density * count as f64 / volume, 1.0 / sides.len().max(1) as f64) / longest;
     size.to_array().map(|s| cells_of(s * per_length))
 }
 

@@ -3,6 +3,7 @@
 use super::Node;
 use crate::lecture::primitives::{Item, PARALLEL, Primitives, half_area};
 use snell_math::Bounds3;
+use snell_math::real;
 
 /// Cost of testing a primitive, in units of steps from node to node.
 const TEST_COST: f64 = 2.0;
@@ -50,7 +51,7 @@ impl Part {
 /// Builds the tree; node 0 is the root.
 pub(super) fn tree(primitives: &Primitives) -> Part {
     let n = primitives.items.len();
-    let max_depth = 8 + (1.3 * (n.max(1) as f64).log2()) as u32;
+    let max_depth = 8 + (1.3 * real::log2(n.max(1) as f64)) as u32;
     let mut part = Part::default();
     let cell =
         Cell { bounds: primitives.bounds, depth: 0, bad: 0, allowance: n.saturating_mul(GROWTH) };

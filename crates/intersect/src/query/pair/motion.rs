@@ -12,7 +12,7 @@ use super::search::{Patience, Side, Spot, Step, reference, rounding, whereabouts
 use super::{PairError, PairQuery, Pose, triangles};
 use crate::query::parallel::Cancelled;
 use snell_math::glam::DQuat;
-use snell_math::{DAffine3, DMat3, DVec3};
+use snell_math::{DAffine3, DMat3, DVec3, rotation};
 
 /// Times that a pair of boxes is advanced before it is opened.
 const ADVANCES: usize = 3;
@@ -42,7 +42,7 @@ impl Motion {
             return Err(PairError::NotAMotion);
         }
         let turn = DQuat::from_mat3(&(turn * (first.factor / last.factor))).normalize();
-        let (axis, angle) = if turn.w < 0.0 { -turn } else { turn }.to_axis_angle();
+        let (axis, angle) = rotation::axis_and_angle(if turn.w < 0.0 { -turn } else { turn });
         let map = DAffine3 { matrix3: from.matrix3, translation: DVec3::ZERO };
         let scale = Scale { error: first.error.max(last.error), ..first };
         let velocity = to.translation - from.translation;
@@ -59,7 +59,7 @@ impl Motion {
         if self.angle == 0.0 {
             return DMat3::IDENTITY;
         }
-        DMat3::from_axis_angle(self.axis, self.angle * t)
+        rotation::about(self.axis, self.angle * t)
     }
 
     /// A bound of the speed along a direction of length 1, of points that are no farther from the

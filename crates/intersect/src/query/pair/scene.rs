@@ -3,7 +3,7 @@
 use super::boxes::{OrientedBox, Tree, relative};
 use crate::shape::AnyShape;
 use snell_math::exact::DoubleDouble;
-use snell_math::{DAffine3, DMat3, DVec3};
+use snell_math::{DAffine3, DMat3, DVec3, real};
 use std::sync::Arc;
 
 /// Triangles in a leaf. With one alone queries are no faster, and trees take twice the memory.
@@ -238,7 +238,7 @@ impl Scale {
 
     /// The scale of a linear map, of which all lengths differ by no more than its error.
     pub fn of(linear: &DMat3) -> Self {
-        let factor = linear.determinant().abs().cbrt();
+        let factor = real::cbrt(linear.determinant().abs());
         let gram = linear.transpose() * *linear;
         let wanted = factor * factor;
         let columns = gram.to_cols_array_2d();

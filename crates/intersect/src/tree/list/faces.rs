@@ -3,6 +3,7 @@
 use super::{Corners, normal};
 use crate::exact::ray::wide;
 use snell_math::DVec3;
+use snell_math::real;
 
 /// The least nonzero magnitude of the coordinate of a plane perpendicular to an axis. The sign of
 /// the height above such a plane is always certain, but for smaller coordinates the difference may
@@ -196,7 +197,7 @@ impl Shape {
     /// at `center`.
     fn line(&self, from: DVec3, to: DVec3, center: DVec3) -> [f64; 3] {
         let ([x, y], [dx, dy]) = (self.seen(from - center), self.seen(to - from));
-        let scale = self.normal[self.axis].signum() / dx.hypot(dy);
+        let scale = self.normal[self.axis].signum() / real::hypot(dx, dy);
         let (a, b) = (-dy * scale, dx * scale);
         [a, b, -(a * x + b * y)]
     }

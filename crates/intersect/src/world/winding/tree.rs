@@ -6,7 +6,7 @@
 //! separate from the accelerator's, and holds each triangle exactly once.
 
 use rayon::prelude::*;
-use snell_math::{Bounds3d, DMat3, DVec3, Transform};
+use snell_math::{Bounds3d, DMat3, DVec3, Transform, real};
 
 /// The moments of a patch of surface, which approximate it from a distance.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +79,7 @@ impl Moments {
             center: map.point(self.center),
             area_vector: view.area * self.area_vector,
             gradient: view.area * self.gradient * view.linear.transpose(),
-            area: self.area * map.determinant().abs().cbrt().powi(2),
+            area: self.area * real::powi(real::cbrt(map.determinant().abs()), 2),
             bounds: map.bounds(&self.bounds),
         }
     }

@@ -1,6 +1,6 @@
 //! Preview colours of AOV values.
 
-use snell_math::{Rgb, rng};
+use snell_math::{Rgb, real, rng};
 
 /// Value number `i`, or 0 if there are fewer values.
 pub fn value(values: &[f32], i: usize) -> f32 {
@@ -39,7 +39,7 @@ pub fn id(values: &[f32], _scene_radius: f32) -> Rgb {
 
 /// A count on a logarithmic heat map, on which 0 is black and `2^most` is white.
 pub fn count(values: &[f32], most: f32) -> Rgb {
-    heat(((1.0 + value(values, 0).max(0.0)).log2() / most).min(1.0))
+    heat((real::log2(1.0 + value(values, 0).max(0.0)) / most).min(1.0))
 }
 
 /// A heat map of increasing brightness from 0 to 1: black, blue, magenta, orange, white.

@@ -17,6 +17,7 @@ use super::{
 };
 use super::{MOST_ROOT_F0, MicrofacetShape, Microfacets, Widths};
 use snell_math::Vec3;
+use snell_math::real;
 use std::f32::consts::SQRT_2;
 
 /// Nodes in the root of the larger width, which is at most [`SQRT_2`] in all materials.
@@ -60,13 +61,13 @@ pub(super) fn width_at(node: usize) -> f32 {
 #[cfg(test)]
 pub(super) fn ratio_at(node: usize) -> f32 {
     let least = LEAST_RATIO.sqrt();
-    (least + (1.0 - least) * node as f32 / (RATIOS - 1) as f32).powi(2)
+    real::powi(least + (1.0 - least) * node as f32 / (RATIOS - 1) as f32, 2)
 }
 
 /// The position of an index of refraction on its nodes.
 fn index_position(ior: f32) -> f64 {
     let s = f64::from((ior - 1.0) / (ior + 1.0));
-    (s / MOST_ROOT_F0).clamp(0.0, 1.0).powf(1.0 / 2.5) * (INDICES - 1) as f64
+    real::powf((s / MOST_ROOT_F0).clamp(0.0, 1.0), 1.0 / 2.5) * (INDICES - 1) as f64
 }
 
 /// The position along the azimuths, by the square of the azimuth's cosine: 0 across the larger
@@ -205,6 +206,6 @@ impl Anisotropic {
 
     /// The mean over directions weighted by the cosine.
     pub(super) fn average(&self) -> f32 {
-        self.reference * self.number(CELL - 1, |x| (x * DEEPEST).exp())
+        self.reference * self.number(CELL - 1, |x| real::exp(x * DEEPEST))
     }
 }

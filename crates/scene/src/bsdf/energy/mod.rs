@@ -18,7 +18,7 @@ mod generate;
 
 use super::{MicrofacetShape, Microfacets, Widths};
 use anisotropic::Anisotropic;
-use snell_math::{Vec2, Vec3, exponentials};
+use snell_math::{Vec2, Vec3, exponentials, real};
 use std::f32::consts::FRAC_1_PI;
 
 /// Number of nodes along the direction.
@@ -148,7 +148,7 @@ struct Albedo {
 /// An upper estimate of the mean loss for a width of the distribution.
 fn mean_reference(alpha: f32) -> f32 {
     let a2 = alpha * alpha;
-    4.0 * a2 * (1.0 / a2).ln_1p()
+    4.0 * a2 * real::ln_1p(1.0 / a2)
 }
 
 /// Weights of the values at 0, 1, 2 and 3 for the cubic through them, at `x`.
@@ -239,7 +239,7 @@ impl Albedo {
         // Means with weight 0 are not computed.
         let mean = |plane: usize| match self.planes[plane] {
             0.0 => 0.0,
-            _ => self.reference * (logarithms[plane] * DEEPEST).exp(),
+            _ => self.reference * real::exp(logarithms[plane] * DEEPEST),
         };
         self.over_planes(std::array::from_fn(mean))
     }
@@ -327,7 +327,7 @@ impl BouncedLobe {
     pub(super) fn new(widths: Widths) -> Self {
         let width = widths.x.max(widths.y);
         let squared_width = (width * width).max(1e-6);
-        Self { squared_width, integral: (1.0 / squared_width).ln_1p() }
+        Self { squared_width, integral: real::ln_1p(1.0 / squared_width) }
     }
 
     /// Samples a direction. The function has no branches, so that loops over it become vector code.
@@ -415,7 +415,7 @@ impl<N: Nodes> Directional for FacetLossBy<N> {
 /// of all for cubic interpolation.
 fn indices(ior: f32) -> (usize, [f32; 4]) {
     let s = f64::from((ior - 1.0) / (ior + 1.0));
-    let x = (s / MOST_ROOT_F0).clamp(0.0, 1.0).powf(1.0 / 2.5) * (INDICES - 1) as f64;
+    let x = real::powf((s / MOST_ROOT_F0).clamp(0.0, 1.0), 1.0 / 2.5) * (INDICES - 1) as f64;
     let first = (x as usize).saturating_sub(1).min(INDICES - 4);
     (first, cubic((x - first as f64) as f32))
 }

@@ -5,7 +5,7 @@
 //! what the fibres reflect was integrated by the test below.
 
 use super::super::energy::nodes;
-use snell_math::{Vec2, Vec3, sampling};
+use snell_math::{Vec2, Vec3, real, sampling};
 use std::f32::consts::{FRAC_1_PI, TAU};
 
 /// Nodes of the table in the roughness and in the root of the cosine.
@@ -31,15 +31,15 @@ fn exponent(x: f32, alpha: f32) -> f32 {
     let mix = |a: f32, b: f32| a + (b - a) * t;
     let (a, b, c) = (mix(21.5473, 25.3245), mix(3.82987, 3.32435), mix(0.19823, 0.16801));
     let (d, e) = (mix(-1.97760, -1.27393), mix(-4.32054, -4.85967));
-    a / (1.0 + b * x.powf(c)) + d * x + e
+    a / (1.0 + b * real::powf(x, c)) + d * x + e
 }
 
 /// Smith's `Lambda` of the fibres at a cosine.
 fn lambda(cos: f32, alpha: f32) -> f32 {
     if cos < 0.5 {
-        exponent(cos, alpha).exp()
+        real::exp(exponent(cos, alpha))
     } else {
-        (2.0 * exponent(0.5, alpha) - exponent(1.0 - cos, alpha)).exp()
+        real::exp(2.0 * exponent(0.5, alpha) - exponent(1.0 - cos, alpha))
     }
 }
 
@@ -84,7 +84,7 @@ impl CharlieLobe {
             return 0.0;
         }
         let sin2 = ((half.x * half.x + half.y * half.y) / length2).min(1.0);
-        let density = (2.0 + inverse) * sin2.powf(0.5 * inverse) * (0.5 * FRAC_1_PI);
+        let density = (2.0 + inverse) * real::powf(sin2, 0.5 * inverse) * (0.5 * FRAC_1_PI);
         let masking = (self.masked + lambda(wi.z, self.alpha)) * 4.0 * self.wo.z;
         self.scale * density / masking
     }

@@ -2,7 +2,7 @@
 
 use snell_math::distribution::Distribution1D;
 use snell_math::simd::max;
-use snell_math::{DVec3, Vec2, Vec3, angles};
+use snell_math::{DVec3, Vec2, Vec3, angles, real};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI as PI64;
 
@@ -112,7 +112,7 @@ impl DirectionTable {
 /// Cosine of the polar angle at the upper edge of a row.
 fn row_cos(row: usize, rows: usize) -> f64 {
     // The sine of the angle from the horizon is exact at the poles and symmetric.
-    (PI64 * (0.5 - row as f64 / rows as f64)).sin()
+    real::sin(PI64 * (0.5 - row as f64 / rows as f64))
 }
 
 /// An image with one number per pixel, available row by row.

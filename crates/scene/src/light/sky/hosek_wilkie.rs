@@ -1,6 +1,7 @@
 //! The sky-dome model of Hosek and Wilkie: a formula with nine coefficients per channel, which are
 //! interpolated in published tables by turbidity, albedo of the ground and elevation of the sun.
 
+use snell_math::real;
 use std::f64::consts::FRAC_PI_2;
 
 /// The tables of Hosek and Wilkie (version 1.4, RGB): for each channel
@@ -25,7 +26,7 @@ impl HosekWilkie {
     /// The model for an elevation in radians, in `[0, pi / 2]`, a turbidity in `[1, 10]`, and an
     /// albedo in `[0, 1]`.
     pub fn new(elevation: f64, turbidity: f64, albedo: f64) -> Self {
-        let t = (elevation / FRAC_PI_2).cbrt();
+        let t = real::cbrt(elevation / FRAC_PI_2);
         let value = |channel: usize, start: usize, stride: usize, offset: usize| {
             let at = |albedo: usize, turbidity: usize| {
                 let first = channel * CHANNEL
@@ -50,14 +51,14 @@ impl HosekWilkie {
     /// Radiance in red, green and blue, given the cosines of the angles from the zenith and from
     /// the sun (equation 8 of the paper). The unit is that of luminance divided by 683 lm / W.
     pub fn radiance(&self, cos_zenith: f64, cos_sun: f64) -> [f64; 3] {
-        let gamma = cos_sun.acos();
+        let gamma = real::acos(cos_sun);
         let cos_zenith = cos_zenith.max(0.0);
         std::array::from_fn(|channel| {
             let [a, b, c, d, e, f, g, i, h] = self.coefficients[channel];
-            let haze = (1.0 + cos_sun * cos_sun) / (1.0 + h * h - 2.0 * h * cos_sun).powf(1.5);
-            let falloff = 1.0 + a * (b / (cos_zenith + 0.01)).exp();
+            let haze = (1.0 + cos_sun * cos_sun) / real::powf(1.0 + h * h - 2.0 * h * cos_sun, 1.5);
+            let falloff = 1.0 + a * real::exp(b / (cos_zenith + 0.01));
             let glow = c
-                + d * (e * gamma).exp()
+                + d * real::exp(e * gamma)
                 + f * cos_sun * cos_sun
                 + g * haze
                 + i * cos_zenith.sqrt();
@@ -76,5 +77,8 @@ fn number(index: usize) -> f64 {
 fn bezier(p: [f64; CONTROL_POINTS], t: f64) -> f64 {
     let s = 1.0 - t;
     let binomials = [1.0, 5.0, 10.0, 10.0, 5.0, 1.0];
-    (0..).zip(p.iter().zip(binomials)).map(|(k, (p, n))| p * n * s.powi(5 - k) * t.powi(k)).sum()
+    (0..)
+        .zip(p.iter().zip(binomials))
+        .map(|(k, (p, n))| p * n * real::powi(s, 5 - k) * real::powi(t, k))
+        .sum()
 }

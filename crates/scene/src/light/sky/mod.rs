@@ -8,7 +8,7 @@ mod sun;
 use crate::graph::Environment;
 use crate::image::Image;
 use hosek_wilkie::HosekWilkie;
-use snell_math::{DAffine3, DVec3, Rgb};
+use snell_math::{DAffine3, DVec3, Rgb, real};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -101,8 +101,8 @@ impl Sky {
 
     /// Unit direction towards the sun.
     fn towards_sun(&self) -> DVec3 {
-        let (sin, cos) = self.elevation.to_radians().sin_cos();
-        let (s, c) = self.azimuth.to_radians().sin_cos();
+        let (sin, cos) = real::sin_cos(self.elevation.to_radians());
+        let (s, c) = real::sin_cos(self.azimuth.to_radians());
         DVec3::new(cos * s, sin, -cos * c)
     }
 
@@ -142,9 +142,9 @@ impl Sky {
         let [w, h] = SIZE;
         // The disk is at least as large as a texel.
         let radius = (self.sun * 0.5).to_radians().max(0.7 * PI / f64::from(h));
-        let cos_radius = radius.cos();
+        let cos_radius = real::cos(radius);
         let rows = |angle: f64| (angle / PI * f64::from(h)).clamp(0.0, f64::from(h / 2)) as u32;
-        let polar = sun.y.clamp(-1.0, 1.0).acos();
+        let polar = real::acos(sun.y.clamp(-1.0, 1.0));
         let mut covered = Vec::new();
         let mut solid_angle = 0.0;
         for y in rows(polar - radius * 1.1)..(rows(polar + radius * 1.1) + 1).min(h / 2) {
@@ -178,14 +178,14 @@ fn coverage(x: f64, y: f64, sun: DVec3, cos_radius: f64) -> f64 {
 
 /// The direction of a position in the image, which is given in texels.
 fn direction(x: f64, y: f64) -> DVec3 {
-    let (sin, cos) = (y / f64::from(SIZE[1]) * PI).sin_cos();
-    let (s, c) = (x / f64::from(SIZE[0]) * TAU - PI).sin_cos();
+    let (sin, cos) = real::sin_cos(y / f64::from(SIZE[1]) * PI);
+    let (s, c) = real::sin_cos(x / f64::from(SIZE[0]) * TAU - PI);
     DVec3::new(sin * s, cos, -sin * c)
 }
 
 /// Solid angle of a texel in a row, in steradians.
 fn row_area(y: u32) -> f64 {
-    let edge = |y: u32| (f64::from(y) / f64::from(SIZE[1]) * PI).cos();
+    let edge = |y: u32| real::cos(f64::from(y) / f64::from(SIZE[1]) * PI);
     (edge(y) - edge(y + 1)) * TAU / f64::from(SIZE[0])
 }
 

@@ -1,6 +1,8 @@
 //! The sun seen through the atmosphere: its extraterrestrial light, multiplied by the transmittance
 //! of molecules, haze and ozone.
 
+use snell_math::real;
+
 /// Illuminance of the sun outside of the atmosphere on a surface that faces it, lx.
 const SOLAR_CONSTANT: f64 = 133_100.0;
 /// The colour of the sun outside of the atmosphere, with luminance 1, in linear Rec. 709. The
@@ -18,14 +20,15 @@ const OZONE_LAYER: f64 = 0.35;
 /// Model for Daylight, 1999, appendix A; the air mass is that of Kasten and Young, 1989.
 pub(super) fn illuminance(elevation: f64, turbidity: f64) -> [f64; 3] {
     let elevation = elevation.clamp(0.0, 90.0);
-    let mass =
-        1.0 / (elevation.to_radians().sin() + 0.505_72 * (elevation + 6.079_95).powf(-1.6364));
+    let mass = 1.0
+        / (real::sin(elevation.to_radians())
+            + 0.505_72 * real::powf(elevation + 6.079_95, -1.6364));
     // Angstrom's turbidity coefficient.
     let haze = (0.046_08 * turbidity - 0.045_86).max(0.0);
     std::array::from_fn(|c| {
         let wavelength: f64 = WAVELENGTHS[c];
-        let molecules = 0.008_735 * wavelength.powf(-4.08);
-        let depth = molecules + haze * wavelength.powf(-1.3) + OZONE[c] * OZONE_LAYER;
-        SOLAR_CONSTANT * COLOR[c] * (-mass * depth).exp()
+        let molecules = 0.008_735 * real::powf(wavelength, -4.08);
+        let depth = molecules + haze * real::powf(wavelength, -1.3) + OZONE[c] * OZONE_LAYER;
+        SOLAR_CONSTANT * COLOR[c] * real::exp(-mass * depth)
     })
 }

@@ -5,7 +5,7 @@ use crate::material::{ColorParam, ShadingPoint};
 use crate::texture::mapping::Mapping;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
-use snell_math::{Rgb, Vec3};
+use snell_math::{Rgb, Vec3, real};
 
 snell_math::declare! {
     /// Product of two textures.
@@ -145,7 +145,7 @@ impl Power {
     pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
         let exponent =
             if self.exponent > 0.0 && self.exponent.is_finite() { self.exponent } else { 1.0 };
-        rgb_at(&self.base, point).map(|x| x.max(0.0).powf(exponent))
+        rgb_at(&self.base, point).map(|x| real::powf(x.max(0.0), exponent))
     }
 }
 

@@ -5,7 +5,7 @@ use crate::material::{ColorParam, ShadingPoint};
 use crate::noise::perlin_noise;
 use crate::texture::mapping::{Mapping, PlanePoint};
 use serde::{Deserialize, Serialize};
-use snell_math::{Rgb, Vec2, Vec3};
+use snell_math::{Rgb, Vec2, Vec3, real};
 
 snell_math::declare! {
     /// Polka dots: about two of five squares with sides of 1 in `(s, t)` contain a dot of radius
@@ -66,7 +66,7 @@ fn share_in_dots(PlanePoint { st, width }: PlanePoint) -> f32 {
     let near = dot(st).map_or(0.0, |center| {
         let depth = RADIUS - (st - center).length();
         // The soft rim, as wide as the footprint, enlarges the dot; `gain` corrects for that.
-        let gain = 1.0 + (width / RADIUS).powi(2) / 12.0;
+        let gain = 1.0 + real::powi(width / RADIUS, 2) / 12.0;
         if width > 0.0 {
             (depth / width + 0.5).clamp(0.0, 1.0) / gain
         } else {

@@ -5,7 +5,7 @@ use crate::noise::Octaves;
 use crate::texture::mapping::{IDENTITY, Rows, SpacePoint};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
-use snell_math::{Rgb, Vec3};
+use snell_math::{Rgb, Vec3, real};
 
 /// Declares patterns that are a sum of octaves, each by the method that computes the sum.
 macro_rules! sums {
@@ -158,8 +158,8 @@ impl Marble {
         let phase = p.y + self.variation * octaves.fbm(p, width);
         let phase = if phase.is_finite() { phase } else { 0.0 };
         // Veins finer than the filter footprint blur to their mean, like a sine to second order.
-        let share = (-width * width / 24.0).exp();
-        spline(0.5 + 0.5 * phase.sin()) * 1.5 * share + MEAN_STONE * (1.0 - share)
+        let share = real::exp(-width * width / 24.0);
+        spline(0.5 + 0.5 * real::sin(phase)) * 1.5 * share + MEAN_STONE * (1.0 - share)
     }
 }
 

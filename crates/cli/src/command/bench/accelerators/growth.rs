@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use snell_intersect::AcceleratorKind;
 use snell_intersect::{BuildOptions, TriangleMesh, WorldBuilder};
 use snell_math::Vec3;
+use snell_math::real;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -138,14 +139,14 @@ impl Growth {
     pub fn would_take(&self, triangles: u64) -> f64 {
         self.points
             .last()
-            .map_or(0.0, |p| p.build_seconds * (triangles as f64 / p.triangles).powf(1.1))
+            .map_or(0.0, |p| p.build_seconds * real::powf(triangles as f64 / p.triangles, 1.1))
     }
 
     /// The exponents of time, of work and of build time: slopes of the fitted lines through the
     /// logarithms.
     pub fn exponents(&self) -> (f64, f64, f64) {
         let fit = |y: fn(&Point) -> f64| {
-            slope(self.points.iter().map(|p| (p.triangles.ln(), y(p).max(1e-12).ln())))
+            slope(self.points.iter().map(|p| (real::ln(p.triangles), real::ln(y(p).max(1e-12)))))
         };
         (fit(|p| p.seconds), fit(|p| p.work), fit(|p| p.build_seconds))
     }
@@ -167,7 +168,8 @@ mod tests {
 
     #[test]
     fn the_slope_of_a_power_is_its_exponent() {
-        let points = [1e3, 1e4, 1e6].map(|n: f64| (n.ln(), (3.0 * n.powf(0.37)).ln()));
+        let points =
+            [1e3, 1e4, 1e6].map(|n: f64| (real::ln(n), real::ln(3.0 * real::powf(n, 0.37))));
         assert!((slope(points.into_iter()) - 0.37).abs() < 1e-12);
         assert!(slope([(1.0, 1.0)].into_iter()).is_nan());
     }

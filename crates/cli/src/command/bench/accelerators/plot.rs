@@ -7,6 +7,7 @@ use super::SweepPoint;
 use super::growth::Growth;
 use crate::command::bench::plot::{Anchor, GREY, INK, Panel, Svg, range};
 use snell_intersect::AcceleratorKind;
+use snell_math::real;
 
 const SIZE: [f64; 2] = [1600.0, 900.0];
 
@@ -61,7 +62,7 @@ fn duration_name(power: i32) -> String {
         -3..=-1 => ("ms", power + 3),
         _ => ("s", power),
     };
-    format!("{} {unit}", 10f64.powi(rest))
+    format!("{} {unit}", real::powi(10f64, rest))
 }
 
 fn count_name(n: f64) -> String {
@@ -86,8 +87,8 @@ fn growth_panel(svg: &mut Svg, growths: &[Growth]) {
     };
     svg.label([60.0, 160.0], 23.0, INK, Anchor::Start, true, "Time for one ray");
     let powers = panel.x[0].floor() as i32..=panel.x[1].floor() as i32;
-    let ticks = powers.flat_map(|p| [1.0, 3.0].map(|n| n * 10f64.powi(p)));
-    let is_inside = |n: &f64| (panel.x[0]..=panel.x[1]).contains(&n.log10());
+    let ticks = powers.flat_map(|p| [1.0, 3.0].map(|n| n * real::powi(10f64, p)));
+    let is_inside = |&n: &f64| (panel.x[0]..=panel.x[1]).contains(&real::log10(n));
     let ticks: Vec<_> = ticks.filter(is_inside).map(|n| (n, count_name(n))).collect();
     panel.axes(svg, &ticks, duration_name);
     svg.label(

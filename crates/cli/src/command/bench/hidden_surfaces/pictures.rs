@@ -4,6 +4,7 @@ use crate::command::bench::plot::{FAINT, INK, Svg};
 use crate::failure::Failure;
 use snell_formats::image::{WriteOptions, write_image};
 use snell_lab::visible::{HiddenLines, LineKind, Method, Screen, Stretch};
+use snell_math::real;
 use snell_math::rng;
 use snell_scene::{Layer, LayeredImage};
 use std::path::Path;
@@ -64,7 +65,7 @@ fn heat(x: f32) -> [f32; 3] {
 
 /// The approximate linear light of a display value.
 fn linear(value: f32) -> f32 {
-    value.powf(2.2)
+    real::powf(value, 2.2)
 }
 
 /// Writes the visible lines, contours thicker than others, and the hidden lines faintly.

@@ -2,6 +2,7 @@
 
 mod svg;
 
+use snell_math::real;
 pub use svg::{Anchor, Svg};
 
 /// Colour of text and axes.
@@ -25,7 +26,7 @@ pub struct Panel {
 impl Panel {
     /// The position in the picture of a point of the data.
     pub fn at(&self, x: f64, y: f64) -> [f64; 2] {
-        let part = |v: f64, [low, high]: [f64; 2]| (v.log10() - low) / (high - low);
+        let part = |v: f64, [low, high]: [f64; 2]| (real::log10(v) - low) / (high - low);
         [
             self.left + part(x, self.x) * (self.right - self.left),
             self.bottom - part(y, self.y) * (self.bottom - self.top),
@@ -40,7 +41,7 @@ impl Panel {
             svg.label([px, self.bottom + 30.0], 20.0, INK, Anchor::Middle, false, name);
         }
         for power in self.y[0].ceil() as i32..=self.y[1].floor() as i32 {
-            let [_, py] = self.at(1.0, 10f64.powi(power));
+            let [_, py] = self.at(1.0, real::powi(10f64, power));
             svg.line([self.left, py], [self.right, py], FAINT, 1.0);
             svg.label([self.left - 12.0, py + 7.0], 20.0, INK, Anchor::End, false, &y_name(power));
         }
@@ -51,7 +52,7 @@ impl Panel {
 /// The range of the values' logarithms, with a margin on both sides.
 pub fn range(values: impl Iterator<Item = f64>, margin: f64) -> [f64; 2] {
     let (low, high) = values
-        .map(f64::log10)
+        .map(real::log10)
         .fold((f64::INFINITY, f64::NEG_INFINITY), |a, v| (a.0.min(v), a.1.max(v)));
     if low > high { [0.0, 1.0] } else { [low - margin, high + margin] }
 }

@@ -1,6 +1,7 @@
 //! Functions over the unit cube whose integrals are known.
 
 use snell_math::Vec2;
+use snell_math::real;
 use snell_render::sampler::Random;
 use std::f64::consts::PI;
 
@@ -24,7 +25,7 @@ pub const INTEGRANDS: [Integrand; 7] = [
         formula: "exp(-x² - y²)",
         // (sqrt(pi) / 2 erf(1))^2
         integral: 0.557_746_285_351_033_5,
-        value: |r| product(r, 1, |x| (-x * x).exp()),
+        value: |r| product(r, 1, |x| real::exp(-x * x)),
     },
     Integrand {
         name: "disk",
@@ -45,7 +46,7 @@ pub const INTEGRANDS: [Integrand; 7] = [
         name: "product4",
         formula: "π²/4 sin(πx) … over 4 dimensions",
         integral: 1.0,
-        value: |r| product(r, 2, |x| PI / 2.0 * (PI * x).sin()),
+        value: |r| product(r, 2, |x| PI / 2.0 * real::sin(PI * x)),
     },
     Integrand {
         name: "ball4",

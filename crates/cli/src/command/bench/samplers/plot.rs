@@ -2,6 +2,7 @@
 
 use super::Series;
 use crate::command::bench::plot::{Anchor, GREY, INK, Panel, Svg, range};
+use snell_math::real;
 use snell_render::SamplerKind;
 
 const SIZE: [f64; 2] = [1800.0, 1000.0];
@@ -47,10 +48,11 @@ fn draw(svg: &mut Svg, series: &[Series], [left, top]: [f64; 2]) {
     let (name, formula) =
         series.first().map_or(("", ""), |s| (s.integrand.name, s.integrand.formula));
     svg.label([left, top - 14.0], 20.0, INK, Anchor::Start, true, &format!("{name}: {formula}"));
-    let powers =
-        (0..=6).map(|p| 10f64.powi(p)).filter(|n| (panel.x[0]..=panel.x[1]).contains(&n.log10()));
+    let powers = (0..=6)
+        .map(|p| real::powi(10f64, p))
+        .filter(|&n| (panel.x[0]..=panel.x[1]).contains(&real::log10(n)));
     let ticks: Vec<_> = powers.map(|n| (n, n.to_string())).collect();
-    panel.axes(svg, &ticks, |power| format!("{}", 10f64.powi(power)));
+    panel.axes(svg, &ticks, |power| format!("{}", real::powi(10f64, power)));
     for s in series {
         let at = |y: fn(&super::Point) -> f64| -> Vec<[f64; 2]> {
             s.points.iter().map(|p| panel.at(f64::from(p.spp), y(p))).collect()

@@ -2,7 +2,7 @@
 
 use super::{joined, surface};
 use snell_intersect::TriangleMesh;
-use snell_math::{DAffine3, DMat3, DVec3, Transform, Vec3, rng};
+use snell_math::{DAffine3, DMat3, DVec3, Transform, Vec3, real, rng};
 use snell_scene::{Camera, Scene};
 use std::f32::consts::TAU;
 
@@ -113,7 +113,7 @@ fn beam(i: u32) -> TriangleMesh {
 fn column(foot: Vec3, radius: f32, sides: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..sides {
-        let (sin, cos) = (i as f32 / sides as f32 * TAU).sin_cos();
+        let (sin, cos) = real::sin_cos(i as f32 / sides as f32 * TAU);
         for y in [-ROOM.y, ROOM.y] {
             mesh.positions.push(foot + Vec3::new(cos * radius, y, sin * radius));
         }
@@ -127,7 +127,11 @@ fn column(foot: Vec3, radius: f32, sides: u32) -> TriangleMesh {
 fn ball(center: Vec3, radius: f32, rings: u32, segments: u32, seed: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     let mut push = |theta: f32, phi: f32| {
-        let d = Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+        let d = Vec3::new(
+            real::sin(theta) * real::cos(phi),
+            real::cos(theta),
+            real::sin(theta) * real::sin(phi),
+        );
         let bumps = noise([(d.x + 2.0) * 6.0, (d.y + d.z + 4.0) * 6.0], seed) - 0.5;
         mesh.positions.push(center + d * radius * (1.0 + 0.15 * bumps));
     };

@@ -2,6 +2,7 @@
 
 use super::{CONVERTED, Converter, Object};
 use serde_json::{Value, json};
+use snell_math::real;
 use snell_math::spectrum::srgb_to_linear;
 use std::collections::BTreeMap;
 
@@ -63,7 +64,7 @@ impl Converter<'_> {
         let has_specular = values.contains_key("specular");
         let shininess = values.get("shininess").and_then(|v| single(v).as_f64()).unwrap_or(0.0);
         // The width of a lobe of microfacets that is as wide as Blinn's is the square of this.
-        let roughness = (2.0 / (shininess.max(0.0) + 2.0)).powf(0.25);
+        let roughness = real::powf(2.0 / (shininess.max(0.0) + 2.0), 0.25);
         let mut surface = json!({
             "diffuseFactor": factor,
             "specularFactor": if has_specular { &specular[..3] } else { &[0.0; 3] },

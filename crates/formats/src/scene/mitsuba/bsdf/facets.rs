@@ -2,7 +2,7 @@
 //! another: its models follow light to the first facet only.
 
 use crate::scene::metal::Roughness;
-use snell_math::{Vec2, Vec3};
+use snell_math::{Vec2, Vec3, real};
 use snell_scene::bsdf::{MicrofacetShape, Microfacets, Widths, fresnel};
 use std::collections::HashMap;
 
@@ -68,7 +68,7 @@ impl Layer {
         for (cos, azimuth) in middles().flat_map(|cos| (0..azimuths).map(move |i| (cos, i))) {
             let sin = (1.0 - cos * cos).sqrt();
             let angle = std::f32::consts::FRAC_PI_2 * (azimuth as f32 + 0.5) / azimuths as f32;
-            let wo = Vec3::new(sin * angle.cos(), sin * angle.sin(), cos);
+            let wo = Vec3::new(sin * real::cos(angle), sin * real::sin(angle), cos);
             for (u, v) in middles().flat_map(|u| middles().map(move |v| (u, v))) {
                 let facet = self.facets.sample_visible_normal(wo, Vec2::new(u, v));
                 sum += 2.0 * cos * function(wo, facet);
@@ -80,7 +80,7 @@ impl Layer {
     /// Smith's masking of facets seen from a direction above; that of Beckmann's distribution by
     /// the fit of Walter et al., Microfacet Models for Refraction through Rough Surfaces, 2007.
     pub fn masking(&self, w: Vec3) -> f32 {
-        let slope = (self.widths[0] * w.x).hypot(self.widths[1] * w.y) / w.z;
+        let slope = real::hypot(self.widths[0] * w.x, self.widths[1] * w.y) / w.z;
         match self.facets.shape() {
             MicrofacetShape::Ggx => 2.0 / (1.0 + (1.0 + slope * slope).sqrt()),
             MicrofacetShape::Beckmann if slope < 0.625 => 1.0,

@@ -4,7 +4,7 @@ use super::super::value::{self, shortened};
 use super::{File, Loader};
 use crate::scene::fault::Fault;
 use roxmltree::Node;
-use snell_math::{DAffine3, DVec3, Transform};
+use snell_math::{DAffine3, DVec3, Transform, rotation};
 
 impl Loader<'_> {
     /// Reads a vector: `value="1, 2, 3"`, or `x="1" y="2" z="3"`.
@@ -63,7 +63,7 @@ impl Loader<'_> {
                 let axis = axis
                     .try_normalize()
                     .ok_or_else(|| fault("the axis is the zero vector".into()))?;
-                DAffine3::from_axis_angle(axis, angle.to_radians())
+                DAffine3::from_mat3(rotation::about(axis, angle.to_radians()))
             }
             "matrix" => value::matrix(&self.required(file, node, "value")?).map_err(fault)?,
             "lookat" => {

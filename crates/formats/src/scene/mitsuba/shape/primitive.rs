@@ -2,13 +2,13 @@
 
 use crate::scene::shapes::{AROUND, swept};
 use snell_intersect::TriangleMesh;
-use snell_math::{DVec3, Vec2};
+use snell_math::{DVec3, Vec2, real};
 
 /// The unit disk, with the distance from its middle as u and the longitude as v.
 pub fn disk() -> TriangleMesh {
     let mut mesh = swept(360.0, [AROUND, 1], |phi, v| {
         let r = 1.0 - v;
-        (DVec3::new(r * phi.cos(), r * phi.sin(), 0.0), DVec3::Z)
+        (DVec3::new(r * real::cos(phi), r * real::sin(phi), 0.0), DVec3::Z)
     });
     mesh.uvs[0].iter_mut().for_each(|uv| *uv = Vec2::new(1.0 - uv.y, uv.x));
     mesh

@@ -7,6 +7,7 @@ use super::{Lamps, Made};
 use crate::scene::fault::Fault;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
+use snell_math::real;
 use std::collections::HashMap;
 use std::f32::consts::TAU;
 
@@ -200,7 +201,7 @@ impl Ring {
         let n = self.vertices.len() as f32;
         let (mut s, mut t) = (Vec3::ZERO, Vec3::ZERO);
         for (i, &v) in self.vertices.iter().enumerate() {
-            let (sin, cos) = (TAU * i as f32 / n).sin_cos();
+            let (sin, cos) = real::sin_cos(TAU * i as f32 / n);
             s += positions[v as usize] * cos;
             t += positions[v as usize] * sin;
         }

@@ -8,7 +8,7 @@ use super::{Lamps, Made};
 use crate::scene::fault::Fault;
 use crate::scene::shapes::{ALONG, AROUND, around_z, swept};
 use snell_intersect::shape::{Cylinder, Disk, Sphere};
-use snell_math::{DAffine3, DMat3, DVec2, DVec3};
+use snell_math::{DAffine3, DVec2, DVec3, real, rotation};
 use std::f64::consts::PI;
 
 impl Builder<'_> {
@@ -26,12 +26,12 @@ impl Builder<'_> {
             if is_whole && low <= -radius && high >= radius {
                 return Ok(Made::shape(Sphere { radius }, DAffine3::from_mat3(around_z())));
             }
-            let angle = |z: f64| (z / radius).clamp(-1.0, 1.0).acos();
+            let angle = |z: f64| real::acos((z / radius).clamp(-1.0, 1.0));
             let (bottom, top) = (angle(low.min(high)), angle(high.max(low)));
-            let height = radius * (bottom.cos() - top.cos()).abs();
+            let height = radius * (real::cos(bottom) - real::cos(top)).abs();
             return Ok(self.swept(params, turn, arc * radius * height, ALONG, |phi, v| {
-                let (sin, cos) = (bottom + (top - bottom) * v).sin_cos();
-                let normal = DVec3::new(sin * phi.cos(), sin * phi.sin(), cos);
+                let (sin, cos) = real::sin_cos(bottom + (top - bottom) * v);
+                let normal = DVec3::new(sin * real::cos(phi), sin * real::sin(phi), cos);
                 (normal * radius, normal)
             }));
         }
@@ -53,7 +53,7 @@ impl Builder<'_> {
         }
         let area = arc * radius * (high - low);
         Ok(self.swept(params, turn, area, 1, |phi, v| {
-            let normal = DVec3::new(phi.cos(), phi.sin(), 0.0);
+            let normal = DVec3::new(real::cos(phi), real::sin(phi), 0.0);
             (normal * radius + DVec3::Z * (low + (high - low) * v), normal)
         }))
     }
@@ -79,7 +79,7 @@ impl Builder<'_> {
         let area = turn.to_radians() * 0.5 * (radius * radius - inner_radius * inner_radius);
         Ok(self.swept(params, turn, area, 1, |phi, v| {
             let r = radius + (inner_radius - radius) * v;
-            (DVec3::new(r * phi.cos(), r * phi.sin(), height), DVec3::Z)
+            (DVec3::new(r * real::cos(phi), r * real::sin(phi), height), DVec3::Z)
         }))
     }
 
@@ -87,22 +87,24 @@ impl Builder<'_> {
     fn old_quadric(&mut self, params: &Params, radius: f64, turn: f64) -> Result<Made, Fault> {
         if is_kind(params, "cone") {
             let height = params.float_or("height", 1.0)?;
-            let area = turn.to_radians() * 0.5 * radius * radius.hypot(height);
+            let area = turn.to_radians() * 0.5 * radius * real::hypot(radius, height);
             return Ok(self.swept(params, turn, area, 1, |phi, v| {
-                let around = DVec3::new(phi.cos(), phi.sin(), 0.0);
+                let around = DVec3::new(real::cos(phi), real::sin(phi), 0.0);
                 let normal = (around * height + DVec3::Z * radius).normalize_or(DVec3::Z);
                 (around * (radius * (1.0 - v)) + DVec3::Z * (height * v), normal)
             }));
         }
         let (low, high) = (params.float_or("zmin", 0.0)?, params.float_or("zmax", 1.0)?);
         // Paraboloid::Area of pbrt-v3.
-        let bound = |z: f64| (1.0 + 4.0 * high * z / (radius * radius)).powf(1.5);
-        let area = turn.to_radians() * radius.powi(4) / (12.0 * high * high)
+        let bound = |z: f64| real::powf(1.0 + 4.0 * high * z / (radius * radius), 1.5);
+        let area = turn.to_radians() * real::powi(radius, 4) / (12.0 * high * high)
             * (bound(high) - bound(low)).abs();
         Ok(self.swept(params, turn, area, ALONG, |phi, v| {
             let z = low + (high - low) * v;
-            let (r, around) =
-                (radius * (z / high).max(0.0).sqrt(), DVec3::new(phi.cos(), phi.sin(), 0.0));
+            let (r, around) = (
+                radius * (z / high).max(0.0).sqrt(),
+                DVec3::new(real::cos(phi), real::sin(phi), 0.0),
+            );
             let slope = radius * radius / (2.0 * high);
             (around * r + DVec3::Z * z, (around * r - DVec3::Z * slope).normalize_or(DVec3::NEG_Z))
         }))
@@ -141,10 +143,10 @@ impl Builder<'_> {
         let heights: Vec<f64> =
             (0..=ALONG).map(|i| radius(f64::from(i) / f64::from(ALONG))[0]).collect();
         let step = along.z / f64::from(ALONG);
-        let strip = |ends: &[f64]| 0.5 * (ends[0] + ends[1]) * (ends[1] - ends[0]).hypot(step);
+        let strip = |ends: &[f64]| 0.5 * (ends[0] + ends[1]) * real::hypot(ends[1] - ends[0], step);
         let area = turn.to_radians() * heights.windows(2).map(strip).sum::<f64>();
         Ok(self.swept(params, turn, area, ALONG, |phi, v| {
-            let turned = DMat3::from_rotation_z(phi);
+            let turned = rotation::about(DVec3::Z, phi);
             let outwards = at(v).truncate().normalize_or(DVec2::X) * radius(v)[0];
             // The tip of a cone has no normal: the one of the middle is used.
             let normal = normal(v).or_else(|| normal(0.5)).unwrap_or(DVec3::Z);
@@ -180,7 +182,7 @@ fn hyperboloid_of_pbrt(start: DVec3, end: DVec3) -> Option<[f64; 2]> {
     for _ in 0..8 {
         beyond += 2.0 * (end - start);
         let [far, near] = [beyond, end].map(|p| p.truncate().length_squared());
-        let ratio = (beyond.z / end.z).powi(2) / far;
+        let ratio = real::powi(beyond.z / end.z, 2) / far;
         let a = (1.0 / far - ratio) / (1.0 - near * ratio);
         let c = (a * near - 1.0) / (end.z * end.z);
         if a.is_finite() {
