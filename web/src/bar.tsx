@@ -4,6 +4,7 @@ import type { JSX } from "preact";
 import { useRef } from "preact/hooks";
 import { reference, toggleCompare } from "./compare/state";
 import { PRESETS, presetDirection } from "./controls";
+import { host } from "./host";
 import { Menu } from "./menu";
 import { copyCommand, save } from "./save";
 import { saveScene } from "./scenefile";
@@ -159,6 +160,9 @@ export function Bar({ store, elsewhere }: { store: Store; elsewhere: Elsewhere }
         <button onClick={() => void save(store, "png")}>PNG, as shown</button>
         <button onClick={() => void save(store, "exr")}>OpenEXR, linear</button>
         <button onClick={() => void copyCommand(store)}>Copy the command</button>
+        {host.copyLink && (
+          <button onClick={() => void host.copyLink?.(store)}>Copy the link</button>
+        )}
         <hr />
         <button onClick={() => void saveScene(store, "snell")}>Scene, all of it (.snell)</button>
         <button onClick={() => void saveScene(store, "glb")}>Scene as glTF (.glb)</button>

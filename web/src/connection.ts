@@ -1,6 +1,7 @@
-// The WebSocket: messages become objects, binary messages parts of frames. A broken connection is
-// opened again.
+// The line to the host: messages become objects, binary messages parts of frames. A broken
+// connection is opened again.
 
+import type { Line } from "./host";
 import { HEADER_SIZE, PART_SIZE, type ToPage, type ToServer } from "./protocol.gen";
 
 export interface Frame {
@@ -77,38 +78,37 @@ const FIRST_RETRY = 300;
 const LAST_RETRY = 5000;
 
 export class Connection {
-  private socket: WebSocket | null = null;
+  private line: Line | null = null;
   private retry = FIRST_RETRY;
   /** The frames so far have been shown. */
   private shown: Promise<void> = Promise.resolve();
   private parts = new Parts();
 
   constructor(
-    private readonly url: string,
+    private readonly connect: () => Line,
     private readonly listener: Listener,
   ) {
     this.open();
   }
 
   get isOpen(): boolean {
-    return this.socket?.readyState === WebSocket.OPEN;
+    return this.line?.readyState === WebSocket.OPEN;
   }
 
   send(message: ToServer): void {
-    if (this.isOpen) this.socket!.send(JSON.stringify(message));
+    if (this.isOpen) this.line!.send(JSON.stringify(message));
   }
 
   private open(): void {
-    const socket = new WebSocket(this.url);
-    socket.binaryType = "arraybuffer";
-    this.socket = socket;
+    const line = this.connect();
+    this.line = line;
     this.parts = new Parts();
-    socket.onopen = () => {
+    line.onopen = () => {
       this.retry = FIRST_RETRY;
       this.listener.status(true);
     };
-    socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => this.receive(event.data);
-    socket.onclose = () => {
+    line.onmessage = (event) => this.receive(event.data);
+    line.onclose = () => {
       this.listener.status(false);
       window.setTimeout(() => this.open(), this.retry);
       this.retry = Math.min(this.retry * 2, LAST_RETRY);

@@ -4,6 +4,7 @@ import { useSignal } from "@preact/signals";
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { useDismiss } from "./dismiss";
+import { host } from "./host";
 import { choices, costs, view } from "./store";
 
 /** Width of a map in pixels. */
@@ -114,7 +115,7 @@ export function Costs(): JSX.Element {
       maps.value = [];
       failed.value = "";
       for (const name of choices.value?.accelerators ?? []) {
-        const response = await fetch(`cost?structure=${name}&width=${WIDTH}`, {
+        const response = await host.ask(`cost?structure=${name}&width=${WIDTH}`, {
           signal: abort.signal,
         });
         if (!response.ok) {

@@ -2,6 +2,7 @@
 
 import type { JSX } from "preact";
 import { useDismiss } from "./dismiss";
+import { host } from "./host";
 import { choices, gallery, type Store, steers } from "./store";
 
 /** Scenes to begin with. */
@@ -23,13 +24,7 @@ export function Gallery({ store }: { store: Store }): JSX.Element {
             disabled={!steers.value}
             onClick={() => void store.open(`builtin=${encodeURIComponent(name)}`)}
           >
-            <img
-              src={`thumbnail?scene=${encodeURIComponent(name)}`}
-              alt=""
-              width="288"
-              height="180"
-              loading="lazy"
-            />
+            <img src={host.thumbnail(name)} alt="" width="288" height="180" loading="lazy" />
             <strong>{name}</strong>
             <small class="quiet">{description}</small>
           </button>

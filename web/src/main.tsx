@@ -25,9 +25,7 @@ import "./style/gallery.css";
 import "./style/tools.css";
 import "./style/narrow.css";
 
-const socketUrl = new URL("ws", document.baseURI);
-socketUrl.protocol = socketUrl.protocol === "https:" ? "wss:" : "ws:";
-const store = new Store(socketUrl.href);
+export const store = new Store();
 followSelection(store);
 
 function App(): JSX.Element {

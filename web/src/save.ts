@@ -27,11 +27,15 @@ export async function save(store: Store, format: string): Promise<void> {
 export async function copyCommand(store: Store): Promise<void> {
   // The server tells the command when the view rests.
   await store.rested();
-  const command = view.value?.command ?? "";
+  await copyText(store, view.value?.command ?? "");
+}
+
+/** Copies a text, or shows it where that is not allowed. */
+export async function copyText(store: Store, text: string): Promise<void> {
   try {
-    await navigator.clipboard.writeText(command);
-    store.notice(`Copied: ${command}`);
+    await navigator.clipboard.writeText(text);
+    store.notice(`Copied: ${text}`);
   } catch {
-    store.notice(command);
+    store.notice(text);
   }
 }

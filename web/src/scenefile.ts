@@ -1,10 +1,11 @@
 // Saving the scene with all that was changed.
 
+import { host } from "./host";
 import { type Store, scene } from "./store";
 
 /** Saves the scene in a format, and says what the format leaves out. */
 export async function saveScene(store: Store, format: "snell" | "glb"): Promise<void> {
-  const response = await fetch(`scene?format=${format}`);
+  const response = await host.ask(`scene?format=${format}`);
   if (!response.ok) {
     store.notice((await response.text()).trim());
     return;

@@ -1,5 +1,6 @@
 // Sending files to the server: scenes and pictures.
 
+import { host } from "./host";
 import type { Store } from "./store";
 
 /** At most this many bytes in one request. */
@@ -35,26 +36,24 @@ function isTooLarge(store: Store, bytes: number): boolean {
   return true;
 }
 
-/** Opens the scene among files. If it cannot be read, the scene that is shown stays. */
-export async function openFiles(store: Store, files: Named[]): Promise<void> {
-  if (files.length === 0) return;
+/** Opens the scene among files. If it cannot be read, the scene that is shown stays: false. */
+export async function openFiles(store: Store, files: Named[]): Promise<boolean> {
+  if (files.length === 0) return false;
   const bytes = files.reduce((sum, { file }) => sum + file.size, 0);
-  if (isTooLarge(store, bytes)) return;
+  if (isTooLarge(store, bytes)) return false;
   const [first] = files;
-  if (files.length === 1) {
-    await store.open(`name=${encodeURIComponent(first!.file.name)}`, first!.file);
-    return;
-  }
+  if (files.length === 1)
+    return store.open(`name=${encodeURIComponent(first!.file.name)}`, first!.file);
   const list = files.map(({ path, file }) => ({ name: path, bytes: file.size }));
   const body = new Blob([`${JSON.stringify(list)}\n`, ...files.map(({ file }) => file)]);
-  await store.open("files", body);
+  return store.open("files", body);
 }
 
 /** Sends a picture for changes of the scene; its name there, or null after a notice. */
 export async function sendPicture(store: Store, file: File): Promise<string | null> {
   if (isTooLarge(store, file.size)) return null;
   const query = `picture?name=${encodeURIComponent(file.name)}`;
-  const response = await fetch(query, { method: "POST", body: file });
+  const response = await host.ask(query, { method: "POST", body: file });
   const text = (await response.text()).trim();
   if (response.ok) return text;
   store.notice(text);

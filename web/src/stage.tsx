@@ -6,6 +6,7 @@ import { AnimationBar } from "./animation";
 import { toggleCompare } from "./compare/state";
 import { listen } from "./controls";
 import { useDismiss } from "./dismiss";
+import { host } from "./host";
 import { chosenLight, removeLight } from "./light";
 import { Overlay } from "./overlay";
 import type { PickedHit } from "./protocol.gen";
@@ -109,8 +110,8 @@ function Picture({ store, box }: { store: Store; box: RefObject<HTMLDivElement> 
       )}
       {!connected.value && (
         <p class="busy lost" role="alert">
-          No connection to the server; trying again …
-          {gone.value && " It may have ended: start `snell view` again."}
+          {host.lost}
+          {gone.value && ` ${host.gone}`}
         </p>
       )}
     </div>

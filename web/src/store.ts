@@ -16,6 +16,7 @@ import {
   withCamera,
 } from "./camera";
 import { Connection, type Frame } from "./connection";
+import { host } from "./host";
 import { Picture } from "./picture";
 import type {
   Choices,
@@ -151,8 +152,8 @@ export class Store {
   /** When the user last chose how the picture is shown. */
   private displayTime = -Infinity;
 
-  constructor(url: string) {
-    this.connection = new Connection(url, {
+  constructor() {
+    this.connection = new Connection(() => host.connect(), {
       message: (message) => this.receive(message),
       frame: (frame) => this.show(frame),
       status: (open) => {
@@ -392,8 +393,9 @@ export class Store {
     this.send({ type: "redo" });
   }
 
-  async open(query: string, body?: Blob): Promise<void> {
-    if (!this.maySteer()) return;
+  /** Opens a scene; false if it cannot be opened, which is said. */
+  async open(query: string, body?: Blob): Promise<boolean> {
+    if (!this.maySteer()) return false;
     const most = choices.value?.max_upload ?? Infinity;
     if (body && body.size > most) {
       const [size, limit] = [body.size, most].map((n) => Math.ceil(n / 2 ** 20));
@@ -402,18 +404,21 @@ export class Store {
         `${name} has ${size} MB, and a page sends at most ${limit} MB: ` +
           "open it by its name, `snell view FILE`",
       );
-      return;
+      return false;
     }
     const asked = `open?${query}&client=${steering.value.me}`;
     const response = await this.ask(asked, { method: "POST", body: body ?? null });
-    if (!response) return;
-    if (response.ok) {
-      this.rig = null;
-      gallery.value = false;
-      explained.value = null;
-      picked.value = null;
-      this.adopt();
-    } else this.notice((await response.text()).trim());
+    if (!response) return false;
+    if (!response.ok) {
+      this.notice((await response.text()).trim());
+      return false;
+    }
+    this.rig = null;
+    gallery.value = false;
+    explained.value = null;
+    picked.value = null;
+    this.adopt();
+    return true;
   }
 
   /**
@@ -444,9 +449,9 @@ export class Store {
   /** The answer of the server; `null` if there is none, which is said. */
   async ask(address: string, options?: RequestInit): Promise<Response | null> {
     try {
-      return await fetch(address, options);
+      return await host.ask(address, options);
     } catch {
-      this.notice("The server does not answer: is `snell view` still running?");
+      this.notice(host.silent);
       return null;
     }
   }

@@ -2,7 +2,9 @@
 //! and its resource limits leave.
 //!
 //! The figures come from `/proc` and `/sys/fs/cgroup` on Linux. On other systems nothing is known,
-//! and nothing is refused in advance.
+//! and nothing is refused in advance. In WebAssembly, addresses of 32 bits are the limit.
+
+#![cfg_attr(target_arch = "wasm32", allow(dead_code))]
 
 use std::fmt;
 use std::fs::read_to_string;
@@ -38,6 +40,9 @@ impl Available {
 
     /// The memory that this process may allocate now.
     pub fn now() -> Self {
+        #[cfg(target_arch = "wasm32")]
+        return Self { bytes: left_of_addresses(), limit: Limit::AddressSpace };
+        #[cfg(not(target_arch = "wasm32"))]
         Self::under(Path::new("/"))
     }
 
@@ -144,6 +149,13 @@ pub fn zeros<T: Clone + Default>(
     values.try_reserve_exact(count)?;
     values.resize(count, T::default());
     Ok(values)
+}
+
+/// The addresses that a program of 32 bits has not taken yet.
+#[cfg(target_arch = "wasm32")]
+fn left_of_addresses() -> u64 {
+    const PAGE: u64 = 1 << 16;
+    (1 << 32) - core::arch::wasm32::memory_size::<0>() as u64 * PAGE
 }
 
 /// Memory that the machine has left.

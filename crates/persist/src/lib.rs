@@ -14,5 +14,5 @@ pub use checkpoint::{Checkpoint, Found, Problem, Resume, Wording};
 pub use definitions::camera_definitions;
 pub use lock::Lock;
 pub use pace::Pace;
-pub use receipt::{Receipt, sha256, tile_hash};
+pub use receipt::{Receipt, image_sha256, sha256, tile_hash};
 pub use saving::{Saved, go_on};

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use snell_render::{Film, FilmTile};
+use snell_scene::LayeredImage;
 
 /// Bytes of a tile's hash.
 const HASH_BYTES: usize = 8;
@@ -145,6 +146,16 @@ pub fn tile_hash(tile: &FilmTile) -> [u8; HASH_BYTES] {
     let mut first = [0; HASH_BYTES];
     first.copy_from_slice(&hasher.finalize()[..HASH_BYTES]);
     first
+}
+
+/// The SHA-256 of the values of the first layer of a picture (rows from the top, channels
+/// interleaved) as little-endian 32-bit floats.
+pub fn image_sha256(picture: &LayeredImage) -> String {
+    let mut hasher = Sha256::new();
+    for value in picture.layers.first().iter().flat_map(|layer| &layer.values) {
+        hasher.update(value.to_le_bytes());
+    }
+    hex(&hasher.finalize())
 }
 
 /// The SHA-256 of bytes, in hexadecimal digits.

@@ -9,15 +9,11 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use snell_formats::ReadOptions;
-use snell_formats::image::{Display, Tonemap};
 use snell_intersect::AcceleratorKind;
 use snell_render::Request;
 use snell_scene::Camera;
-use snell_scene::framing::{FramingOptions, prepare};
 use snell_viewer::explain::{Question, Subject, report, structures};
-use snell_viewer::{
-    CameraForSize, Opened, PlainWriter, Server, ServerOptions, Source, Which, read_dropped,
-};
+use snell_viewer::{Opened, Server, ServerOptions, Source, Which, opened, read_dropped};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The explanation of a pixel, as JSON. With `structures`, also the traversal of those acceleration
@@ -160,7 +156,7 @@ struct Shown {
 
 impl Source for Shown {
     fn open(&self, which: Which) -> Result<Opened, String> {
-        let (name, mut scene) = match which {
+        let (name, scene) = match which {
             Which::Given => (self.prepared.scene.name.clone(), self.prepared.scene.clone()),
             Which::Builtin(name) => {
                 let scene = snell_scene::builtin::builtin(&name)
@@ -169,48 +165,6 @@ impl Source for Shown {
             }
             Which::Dropped(files) => read_dropped(files, &ReadOptions::default())?,
         };
-        let camera_for_size = scene.cameras.is_empty().then(|| camera_maker(&scene));
-        let size = self.request.size.unwrap_or(Request::DEFAULT_SIZE);
-        let framing = FramingOptions { size, ..FramingOptions::default() };
-        prepare(&mut scene, &framing).map_err(|e| e.to_string())?;
-        let camera = if scene.cameras.contains(&self.camera) {
-            Some(&self.camera)
-        } else {
-            scene.cameras.first()
-        };
-        let camera = camera.cloned().ok_or("the scene has no camera")?;
-        let wanted = scene.settings.tonemap.as_deref().unwrap_or("none");
-        let display = Display {
-            exposure: scene.settings.exposure.unwrap_or(0.0),
-            tonemap: Tonemap::ALL.into_iter().find(|t| t.name() == wanted).unwrap_or_default(),
-            srgb: !scene.settings.raw_display,
-        };
-        let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
-        let command = ["snell", "render", &name].map(String::from).to_vec();
-        let settings = self.request.resolve(&scene, &camera).map_err(|e| e.to_string())?;
-        let request = self.request.clone();
-        Ok(Opened {
-            animate: None,
-            scene,
-            camera,
-            camera_number,
-            camera_for_size,
-            request,
-            settings,
-            display,
-            is_encoding_given: false,
-            writer: Arc::new(PlainWriter),
-            command,
-        })
+        opened(&name, scene, &self.request, Some(&self.camera))
     }
-}
-
-/// Makes the camera that a scene without one gets for a picture of another size.
-fn camera_maker(scene: &snell_scene::Scene) -> CameraForSize {
-    let scene = scene.clone();
-    Arc::new(move |size| {
-        let mut scene = scene.clone();
-        prepare(&mut scene, &FramingOptions { size, ..FramingOptions::default() }).ok()?;
-        scene.cameras.into_iter().next()
-    })
 }

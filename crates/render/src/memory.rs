@@ -98,7 +98,7 @@ pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     let sampled: u64 = aovs.iter().map(|aov| aov.sampled_channels() as u64).sum();
     let covers = aovs.iter().filter(|aov| aov.kind() == AovKind::Coverage).count() as u64;
     let layers = 4 * picture_channels(settings);
-    let is_signed = FilterSampler::new(settings.filter).mean_weight() < 1.0;
+    let is_signed = FilterSampler::of(settings.filter).mean_weight() < 1.0;
     let film = film_bytes(settings, sampled, covers, is_signed);
     let noise_map = if settings.noise.is_some() || aovs.contains(&Aov::Noise) { 80 } else { 0 };
     // Bytes of the names and fractions of what covers a pixel, and of the layers that hold them.

@@ -21,7 +21,7 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
     let view = camera.view(settings.size);
     let [width, height] = settings.size;
     let sampler = Sampler::of(settings);
-    let filter = FilterSampler::new(settings.filter);
+    let filter = FilterSampler::of(settings.filter);
     let lights = scene.light_sampler(settings.light_sampler, settings.light_strategy);
     let context = Context { scene, settings, lights: &lights, field: None, wants_lobes: false };
     let mut image = Vec::new();
@@ -30,7 +30,7 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
             let (mut plain, mut sum, mut weights) = (Rgb::BLACK, Rgb::BLACK, 0.0);
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
-                let (film, weight) = film_point(settings, &filter, [x, y], random.pair(FILM));
+                let (film, weight) = film_point(settings, filter, [x, y], random.pair(FILM));
                 let (ray, state) = camera_path(&view, settings, scene.moves, &random, film);
                 let mut media = Media::new(&context, camera.eye.as_vec3(), state.mode);
                 let light =

@@ -15,6 +15,38 @@ pub struct Dropped {
     pub bytes: Vec<u8>,
 }
 
+/// Maximum size of all files of a drop in bytes. Larger ones are opened by name and read in place.
+pub const MAX_BYTES: usize = 256 << 20;
+/// Maximum number of files in a drop.
+const MAX_FILES: usize = 10_000;
+/// Maximum size of the list of files at the beginning of a drop.
+const MAX_LIST: usize = 4 << 20;
+
+/// A file in the list at the beginning of a drop.
+#[derive(serde::Deserialize)]
+struct Listed {
+    name: String,
+    bytes: usize,
+}
+
+/// The files that a page sends: one line of JSON with their names and sizes,
+/// `[{"name":…,"bytes":…},…]`, and then their contents, one after the other.
+pub fn files(body: &[u8]) -> Result<Vec<Dropped>, String> {
+    let end = body.iter().take(MAX_LIST).position(|byte| *byte == b'\n');
+    let (list, mut rest) = end.map(|end| body.split_at(end + 1)).ok_or("no list")?;
+    let list: Vec<Listed> = serde_json::from_slice(list).map_err(|_| "this is no list of files")?;
+    if list.len() > MAX_FILES {
+        return Err(format!("more than {MAX_FILES} files; drop only those of one scene"));
+    }
+    let mut files = Vec::with_capacity(list.len());
+    for Listed { name, bytes } in list {
+        let (own, others) = rest.split_at_checked(bytes).ok_or("the upload was cut off")?;
+        files.push(Dropped { name, bytes: own.to_vec() });
+        rest = others;
+    }
+    Ok(files)
+}
+
 /// The middle of the warning about further scenes in a drop.
 pub const OTHERS: &str = " was opened; drop one of these alone to see it: ";
 
@@ -144,6 +176,17 @@ mod tests {
 
     fn file(name: &str, text: &str) -> Dropped {
         Dropped { name: name.into(), bytes: text.as_bytes().to_vec() }
+    }
+
+    #[test]
+    fn several_files_come_in_one_request() {
+        let body = b"[{\"name\":\"a/b.obj\",\"bytes\":3},{\"name\":\"c\",\"bytes\":0}]\nv 0";
+        let found = files(body).expect("two files");
+        assert_eq!((&*found[0].name, &*found[0].bytes), ("a/b.obj", &b"v 0"[..]));
+        assert_eq!((&*found[1].name, found.len()), ("c", 2));
+        for wrong in [&b""[..], b"\n", b"[]", b"[{\"name\":\"a\",\"bytes\":9}]\nv 0", b"{}\n"] {
+            assert!(files(wrong).is_err());
+        }
     }
 
     const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";

@@ -1,5 +1,5 @@
-//! Encodes pictures: JPEG while something moves, compressed 16-bit floats at rest. A thread encodes
-//! while the next picture is rendered.
+//! Encodes pictures: JPEG while something moves, compressed 16-bit floats at rest. Where there are
+//! threads, one encodes while the next picture is rendered.
 
 use crate::halves;
 use crate::protocol::{FrameHeader, ToPage};
@@ -33,42 +33,72 @@ pub struct Picture {
     pub display: Option<Display>,
 }
 
-/// Encodes pictures and publishes them in order. Its thread ends when the encoder is dropped.
-pub struct Encoder {
-    pictures: SyncSender<Picture>,
+/// Encodes pictures and publishes them in order.
+pub enum Encoder<'env> {
+    /// On a thread of its own, which ends when the encoder is dropped.
+    Beside(SyncSender<Picture>),
+    /// On the thread that renders.
+    Here(Publisher<'env>),
 }
 
-impl Encoder {
-    /// An encoder for the pages of a session.
-    pub fn new<'scope, 'env>(scope: &'scope Scope<'scope, 'env>, session: &'env Session) -> Self {
+impl<'env> Encoder<'env> {
+    /// An encoder for the pages of a session, on a thread of its own.
+    pub fn beside<'scope>(scope: &'scope Scope<'scope, 'env>, session: &'env Session) -> Self {
         // The channel has no queue: a renderer that is faster than the encoder waits, so that
         // pictures are never outdated.
         let (pictures, incoming) = sync_channel::<Picture>(0);
         scope.spawn(move || {
-            let mut table = DisplayTable::new(Display::default());
-            for picture in incoming {
-                let number = picture.header.frame;
-                let is_moving = picture.header.wanted == 0;
-                let time = if is_moving { ON_THE_LINE } else { AT_REST };
-                let most = session.pace.bytes_within(time);
-                match catch_unwind(AssertUnwindSafe(|| bytes_of(picture, &mut table, most))) {
-                    Ok(Some(bytes)) => {
-                        let frame = Frame { number, is_moving, bytes: bytes.into() };
-                        session.frames.send_replace(Some(Arc::new(frame)));
-                    }
-                    Ok(None) | Err(_) => {
-                        let message = "a fault in the encoder: this picture is not shown".into();
-                        session.tell(ToPage::Error { message });
-                    }
-                }
-            }
+            let mut publisher = Publisher::new(session);
+            incoming.into_iter().for_each(|picture| publisher.publish(picture));
         });
-        Self { pictures }
+        Self::Beside(pictures)
+    }
+
+    /// An encoder on the thread that renders.
+    pub fn here(session: &'env Session) -> Self {
+        Self::Here(Publisher::new(session))
     }
 
     /// Passes on a picture, once the previous one is encoded. Fails if the thread has panicked.
-    pub fn send(&self, picture: Picture) -> Result<(), String> {
-        self.pictures.send(picture).map_err(|_| "a fault in the encoder; please start again".into())
+    pub fn send(&mut self, picture: Picture) -> Result<(), String> {
+        let fault = |_| "a fault in the encoder; please start again".into();
+        match self {
+            Self::Beside(pictures) => pictures.send(picture).map_err(fault),
+            Self::Here(publisher) => {
+                publisher.publish(picture);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Encodes pictures for the pages of a session.
+pub struct Publisher<'env> {
+    session: &'env Session,
+    table: DisplayTable,
+}
+
+impl<'env> Publisher<'env> {
+    fn new(session: &'env Session) -> Self {
+        Self { session, table: DisplayTable::new(Display::default()) }
+    }
+
+    fn publish(&mut self, picture: Picture) {
+        let (session, table) = (self.session, &mut self.table);
+        let number = picture.header.frame;
+        let is_moving = picture.header.wanted == 0;
+        let time = if is_moving { ON_THE_LINE } else { AT_REST };
+        let most = session.pace.bytes_within(time);
+        match catch_unwind(AssertUnwindSafe(|| bytes_of(picture, table, most))) {
+            Ok(Some(bytes)) => {
+                let frame = Frame { number, is_moving, bytes };
+                session.frames.send_replace(Some(Arc::new(frame)));
+            }
+            Ok(None) | Err(_) => {
+                let message = "a fault in the encoder: this picture is not shown".into();
+                session.tell(ToPage::Error { message });
+            }
+        }
     }
 }
 

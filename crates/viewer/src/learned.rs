@@ -3,12 +3,16 @@
 
 use crate::session::lock;
 use crate::surfaces::{Color, Surfaces};
-use rayon::prelude::*;
-use snell_oidn::{Denoiser, Noisy};
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex};
-use std::thread::Scope;
+#[cfg(feature = "server")]
+use {
+    rayon::prelude::*,
+    snell_oidn::{Denoiser, Noisy},
+    std::panic::{AssertUnwindSafe, catch_unwind},
+    std::sync::mpsc::{Receiver, sync_channel},
+    std::thread::Scope,
+};
 
 /// A picture to be denoised.
 pub struct Raw {
@@ -35,12 +39,19 @@ pub struct Clean {
 
 /// Denoises one picture at a time. Its thread ends when the value is dropped.
 pub struct Learned {
-    pictures: SyncSender<Raw>,
+    /// `None` if there is no such thread: then every picture is refused.
+    pictures: Option<SyncSender<Raw>>,
     newest: Arc<Mutex<Option<Clean>>>,
 }
 
 impl Learned {
+    /// No library and no thread.
+    pub fn none() -> Self {
+        Self { pictures: None, newest: Arc::default() }
+    }
+
     /// Loads the library when the first picture comes; `threads` is the number of its threads.
+    #[cfg(feature = "server")]
     pub fn new<'scope>(scope: &'scope Scope<'scope, '_>, threads: usize) -> Self {
         let (pictures, incoming) = sync_channel(0);
         let newest = Arc::new(Mutex::new(None));
@@ -49,12 +60,12 @@ impl Learned {
             // A fault in the library ends this thread; then there is the viewer's own filter.
             let _ = catch_unwind(AssertUnwindSafe(|| work(&incoming, &slot, threads)));
         });
-        Self { pictures, newest }
+        Self { pictures: Some(pictures), newest }
     }
 
     /// Begins to denoise a picture; false if the thread is busy, or there is no library.
     pub fn begin(&self, raw: Raw) -> bool {
-        self.pictures.try_send(raw).is_ok()
+        self.pictures.as_ref().is_some_and(|pictures| pictures.try_send(raw).is_ok())
     }
 
     /// The newest denoised picture of a version.
@@ -63,6 +74,7 @@ impl Learned {
     }
 }
 
+#[cfg(feature = "server")]
 fn work(incoming: &Receiver<Raw>, newest: &Mutex<Option<Clean>>, threads: usize) {
     let mut denoiser = None;
     for Raw { version, samples, rgb, surfaces } in incoming {

@@ -3,17 +3,24 @@
 //! [`serve`] binds a port, prints nothing, and returns a handle. The page (`web/`, built into the
 //! binary) communicates with the server over one WebSocket: see [`protocol`]. The picture at rest
 //! equals the one of `snell render` with the same settings, bit for bit.
+//!
+//! [`Alone`] is the same without a server, a thread or a socket, for a page that has the renderer
+//! in it.
 
 #![cfg_attr(
     test,
     expect(clippy::disallowed_methods, reason = "tests compare with the standard library")
 )]
 #![forbid(unsafe_code)]
+// Without the server, some parts of it are left over.
+#![cfg_attr(not(feature = "server"), allow(dead_code))]
 
+mod alone;
 mod animation;
 mod budget;
 mod command;
 mod compare;
+#[cfg(feature = "server")]
 mod connections;
 mod cost;
 mod denoise;
@@ -25,6 +32,7 @@ mod encode;
 pub mod explain;
 mod face;
 mod forms;
+#[cfg(feature = "server")]
 mod gallery;
 mod halves;
 mod history;
@@ -33,33 +41,44 @@ mod light;
 mod memory;
 mod opening;
 mod pace;
+#[cfg(feature = "server")]
 mod page;
+#[cfg(feature = "server")]
 mod peer;
 mod pick;
 mod pictures;
+mod plain;
 mod preview;
 pub mod protocol;
 mod rest;
+#[cfg(feature = "server")]
 mod routes;
+#[cfg(feature = "server")]
 mod security;
 mod selection;
+#[cfg(feature = "server")]
 mod server;
 mod session;
 mod size;
+#[cfg(feature = "server")]
 mod socket;
 mod state;
 mod subject;
 mod surfaces;
 mod swatch;
 mod temporal;
+#[cfg(feature = "server")]
 mod upload;
 mod viewpoint;
 mod words;
 mod worker;
 mod writer;
 
+pub use alone::{Alone, Answer, Message};
 pub use animation::{Animated, Prepare};
 pub use dropped::{Dropped, read_dropped};
+pub use plain::{Builtins, opened};
+#[cfg(feature = "server")]
 pub use server::{Server, ServerOptions, serve};
 pub use writer::{Finished, PlainWriter, Writer};
 

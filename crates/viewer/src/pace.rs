@@ -51,6 +51,11 @@ impl Pace {
         (*lock(&self.line) * seconds) as usize
     }
 
+    /// True if a page has shown this picture or a later one.
+    pub fn has_shown(&self, number: u32) -> bool {
+        !is_before(*lock(&self.shown), number)
+    }
+
     /// Waits until a page shows this picture or a later one, for at most `most`.
     pub fn wait_for(&self, number: u32, most: Duration) {
         let shown = lock(&self.shown);

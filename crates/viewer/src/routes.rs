@@ -2,11 +2,12 @@
 
 use crate::compare::{self, Against};
 use crate::connections::Visitor;
+use crate::dropped::files;
 use crate::peer::is_same_user;
 use crate::security::{Guard, ONCE};
 use crate::session::Session;
 use crate::socket::{MAX_PAGES, socket};
-use crate::upload::{files, receive};
+use crate::upload::receive;
 use crate::{Dropped, Which, edges as feature_edges, gallery, page};
 use axum::extract::{Path, Query, Request, State};
 use axum::http::{HeaderName, HeaderValue, StatusCode, header};
@@ -306,7 +307,9 @@ async fn open(
         let (head, body) = request.into_parts();
         let received = receive(&head.headers, body).await.and_then(|bytes| match name {
             Some(name) => Ok(vec![Dropped { name, bytes }]),
-            None => files(&bytes),
+            None => {
+                files(&bytes).map_err(|problem| (StatusCode::BAD_REQUEST, format!("{problem}\n")))
+            }
         });
         match received {
             Ok(files) => Which::Dropped(files),

@@ -5,22 +5,20 @@
 
 use crate::animation::motion_info;
 use crate::describe::scene_info;
-use crate::dropped::{OTHERS, check_name};
+use crate::dropped::{MAX_BYTES, OTHERS, check_name};
 use crate::explain::{self, Question, Report, Structure, Subject};
 use crate::pace::Pace;
 use crate::protocol::{
     Choices, Mask, Placement, SceneChoice, SceneInfo, ToPage, ToServer, ViewInfo,
 };
 use crate::state::{Change, State};
-use crate::upload::MAX_BYTES;
 use crate::words::for_page;
 use crate::{Finished, Source, Which, by_name, cost, selection, swatch};
-use axum::body::Bytes;
 use snell_formats::image::read_environment;
 use snell_formats::image::{Display, Tonemap};
 use snell_formats::{Input, ReadOptions, write_scene_as};
 use snell_intersect::AcceleratorKind;
-use snell_persist::Checkpoint;
+use snell_persist::{Checkpoint, image_sha256};
 use snell_render::{Aov, CompiledScene, IntegratorKind, Settings};
 use snell_scene::builtin::BUILTINS;
 use snell_scene::{Camera, NodeId, Scene};
@@ -47,7 +45,7 @@ pub struct Frame {
     /// True if something moves: the next one will take its place.
     pub is_moving: bool,
     /// The header and the encoded picture.
-    pub bytes: Bytes,
+    pub bytes: Vec<u8>,
 }
 
 /// The state of the view and the pages.
@@ -170,8 +168,7 @@ impl Session {
                 return None;
             }
             let now = Instant::now();
-            let is_due = self.version() != seen || until.is_some_and(|u| u <= now);
-            if is_due && viewing.watching > 0 {
+            if self.is_due(&viewing, seen, until, now) {
                 return Some(self.snapshot(&viewing.state));
             }
             viewing = match until.filter(|u| *u > now && viewing.watching > 0) {
@@ -184,6 +181,18 @@ impl Session {
                 None => self.changed.wait(viewing).unwrap_or_else(PoisonError::into_inner),
             };
         }
+    }
+
+    /// As [`Self::wait`], but `None` if it would wait.
+    pub fn due(&self, seen: u64, until: Option<Instant>) -> Option<Snapshot> {
+        let viewing = lock(&self.viewing);
+        let is_due = self.is_due(&viewing, seen, until, Instant::now());
+        is_due.then(|| self.snapshot(&viewing.state))
+    }
+
+    fn is_due(&self, viewing: &Viewing, seen: u64, until: Option<Instant>, now: Instant) -> bool {
+        let is_late = until.is_some_and(|until| until <= now);
+        (self.version() != seen || is_late) && viewing.watching > 0
     }
 
     /// The file that keeps the picture at rest of a snapshot; `None` if none is kept, or if the
@@ -488,6 +497,14 @@ impl Session {
         let (words, display) = (state.command_words(), state.shown_as());
         let bytes = state.opened.writer.write(&finished, &words, display, format);
         Some(bytes.map(|bytes| (bytes, finished.scene.name.clone())))
+    }
+
+    /// The SHA-256 of the picture at rest, as `snell render` gives it with `--stats`; `None` while
+    /// it is still being made.
+    pub fn sha256(&self) -> Result<Option<Vec<u8>>, String> {
+        let finished = lock(&self.finished).clone().filter(|(of, _)| *of == self.version());
+        let whole = finished.filter(|(_, finished)| finished.is_whole);
+        Ok(whole.map(|(_, picture)| image_sha256(&picture.picture()).into_bytes()))
     }
 
     /// Keeps a picture that was dropped on the page, for edits that name it; returns its name.

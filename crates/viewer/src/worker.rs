@@ -41,11 +41,18 @@ pub struct Worker<'a> {
     threads: usize,
     budget: Budget,
     compiled: Option<Compiled>,
-    encoder: Encoder,
+    encoder: Encoder<'a>,
     learned: Learned,
+    /// The version that was rendered last.
+    seen: u64,
+    /// When the next step of the same version is due.
+    due: Option<Instant>,
+    /// Maximum time of a step of refinement; `None` on a thread of its own, which notices changes
+    /// meanwhile.
+    slice: Option<Duration>,
     frame: u32,
-    /// The number of the last picture, if it showed something moving.
-    last_moving: Option<u32>,
+    /// The number of the last picture, if it showed something moving, and when it was begun.
+    last_moving: Option<(u32, Instant)>,
     /// The moving pictures so far.
     moving: Moving,
     /// The picture at rest that is being made.
@@ -73,6 +80,8 @@ struct Refinement {
     checkpoint: Option<Checkpoint>,
     /// True for the quick picture that is shown during training.
     is_quick: bool,
+    /// The samples per pixel at the end of the present pass.
+    until: u32,
     spent: Duration,
     /// When the next picture is due.
     due: Option<Instant>,
@@ -82,20 +91,36 @@ struct Refinement {
 }
 
 impl<'a> Worker<'a> {
-    /// Renders for a session until it ends, with this number of threads and of frames per second.
-    pub fn run(session: &'a Session, threads: usize, frames_per_second: f64) {
-        std::thread::scope(|scope| {
-            let encoder = Encoder::new(scope, session);
-            let learned = Learned::new(scope, threads);
-            Self::new(session, threads, frames_per_second, encoder, learned).work();
-        });
+    /// A worker without threads, which renders in [`Self::turn`].
+    pub fn alone(session: &'a Session, frames_per_second: f64) -> Self {
+        let encoder = Encoder::here(session);
+        Self::new(session, 1, frames_per_second, encoder, Learned::none())
+    }
+
+    /// Does what is due, for about as long as `slice`; returns how long nothing will be, `None` if
+    /// that is until the next message.
+    pub fn turn(&mut self, slice: Duration) -> Option<Duration> {
+        self.slice = Some(slice);
+        if let Some((last, begun)) = self.last_moving
+            && !self.session.pace.has_shown(last.wrapping_sub(UNSEEN))
+            && begun.elapsed() < PATIENCE
+        {
+            return Some(PATIENCE - begun.elapsed());
+        }
+        if let Some(snapshot) = self.session.due(self.seen, self.due) {
+            self.serve(&snapshot);
+        }
+        if self.session.version() != self.seen {
+            return Some(Duration::ZERO);
+        }
+        self.due.map(|due| due.saturating_duration_since(Instant::now()))
     }
 
     fn new(
         session: &'a Session,
         threads: usize,
         frames_per_second: f64,
-        encoder: Encoder,
+        encoder: Encoder<'a>,
         learned: Learned,
     ) -> Self {
         Self {
@@ -105,6 +130,9 @@ impl<'a> Worker<'a> {
             compiled: None,
             encoder,
             learned,
+            seen: 0,
+            due: None,
+            slice: None,
             frame: 0,
             last_moving: None,
             moving: Moving::default(),
@@ -112,38 +140,25 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// Renders until the session ends. A panic in a picture is reported to the pages, and the next
-    /// change is rendered again.
-    fn work(mut self) {
-        // No page is open yet; compiling now saves the first page the wait. A failure here repeats,
-        // and is reported, when a page is open.
-        let _ = catch_unwind(AssertUnwindSafe(|| self.compile(&self.session.now())));
-        let mut seen = 0;
-        let mut due = None;
-        while let Some(snapshot) = self.next(seen, due) {
-            let is_new = snapshot.version != seen;
-            seen = snapshot.version;
-            let outcome = catch_unwind(AssertUnwindSafe(|| self.step(&snapshot, is_new)));
-            due = match outcome {
-                Ok(Ok(due)) => due,
-                Ok(Err(message)) => {
-                    self.session.has_failed(snapshot.version, message);
-                    None
-                }
-                Err(_) => {
-                    self.forget();
-                    let message =
-                        "a fault in the renderer; the scene can still be changed or reloaded"
-                            .into();
-                    self.session.has_failed(snapshot.version, message);
-                    None
-                }
-            };
-        }
-        // The view ends.
-        if let Some(refinement) = &mut self.refinement {
-            refinement.save(self.session);
-        }
+    /// Renders one step of a state, and notes when the next one is due.
+    fn serve(&mut self, snapshot: &Snapshot) {
+        let is_new = snapshot.version != self.seen;
+        self.seen = snapshot.version;
+        let outcome = catch_unwind(AssertUnwindSafe(|| self.step(snapshot, is_new)));
+        self.due = match outcome {
+            Ok(Ok(due)) => due,
+            Ok(Err(message)) => {
+                self.session.has_failed(snapshot.version, message);
+                None
+            }
+            Err(_) => {
+                self.forget();
+                let message =
+                    "a fault in the renderer; the scene can still be changed or reloaded".into();
+                self.session.has_failed(snapshot.version, message);
+                None
+            }
+        };
     }
 
     /// Discards everything that a panic may have left half done.
@@ -152,23 +167,15 @@ impl<'a> Worker<'a> {
         self.moving = Moving::default();
     }
 
-    /// The next state to render. Waits until it is due, and until a page has shown an earlier
-    /// picture.
-    fn next(&self, seen: u64, due: Option<Instant>) -> Option<Snapshot> {
-        if let Some(last) = self.last_moving {
-            self.session.pace.wait_for(last.wrapping_sub(UNSEEN), PATIENCE);
-        }
-        self.session.wait(seen, due)
-    }
-
     /// Renders one frame while moving, or one step of refinement. Returns the time of the next step
     /// if nothing changes.
     fn step(&mut self, snapshot: &Snapshot, is_new: bool) -> Result<Option<Instant>, String> {
         let compiled = self.compile(snapshot)?;
         if is_new {
             self.refinement = None;
+            let begun = Instant::now();
             self.preview(snapshot, &compiled)?;
-            self.last_moving = Some(self.frame);
+            self.last_moving = Some((self.frame, begun));
             self.session.has_shown(snapshot.version);
             return Ok(Some(snapshot.moved + REST));
         }
@@ -261,10 +268,14 @@ impl<'a> Worker<'a> {
         let (settings, version) = (&snapshot.settings, snapshot.version);
         let (threads, keep_going) =
             (self.threads, |_: &Progress| self.session.version() == version);
+        let start = Instant::now();
+        let slice = self.slice;
+        let goes_on = |progress: &Progress| {
+            keep_going(progress) && slice.is_none_or(|slice| start.elapsed() < slice)
+        };
         let unguided = Settings { guiding: None, noise: None, ..settings.clone() };
         let quick = Job::new(compiled, &snapshot.camera, &unguided);
         let whole = Job::new(compiled, &snapshot.camera, settings);
-        let start = Instant::now();
         let mut refinement = match self.refinement.take().filter(|r| r.version == version) {
             Some(known)
                 if known.is_quick && known.underway.samples() >= QUICK.min(settings.spp) =>
@@ -273,7 +284,7 @@ impl<'a> Worker<'a> {
                     .tell(ToPage::Busy { message: "learning where light comes from".into() });
                 let underway = whole.begin(threads, &keep_going);
                 self.session.tell(ToPage::Busy { message: String::new() });
-                Refinement { underway, is_quick: false, ..known }
+                Refinement { underway, is_quick: false, until: 0, ..known }
             }
             Some(known) => known,
             None => {
@@ -292,6 +303,7 @@ impl<'a> Worker<'a> {
                     underway,
                     checkpoint,
                     is_quick,
+                    until: 0,
                     spent: Duration::ZERO,
                     due: None,
                     is_complete: false,
@@ -304,14 +316,23 @@ impl<'a> Worker<'a> {
             return Ok(false);
         }
         let job = if refinement.is_quick { &quick } else { &whole };
-        let until = next_pass(refinement.underway.samples(), refinement.spent);
+        let samples = refinement.underway.samples();
+        if samples >= refinement.until {
+            refinement.until = next_pass(samples, refinement.spent);
+        }
+        let until = refinement.until;
         let has_more =
-            job.go_on(&mut refinement.underway, until, threads, &keep_going) || refinement.is_quick;
+            job.go_on(&mut refinement.underway, until, threads, &goes_on) || refinement.is_quick;
         refinement.spent += start.elapsed();
         if self.session.version() != version {
             // If the view ends, this is kept.
             self.refinement = Some(refinement);
             return Ok(false);
+        }
+        // A pass that ends with the slice is not shown: some pixels have fewer samples than others.
+        if has_more && !refinement.underway.statistics.is_complete {
+            self.refinement = Some(refinement);
+            return Ok(true);
         }
         refinement.is_complete = !has_more;
         if !has_more || refinement.checkpoint.as_ref().is_some_and(Saved::is_due) {
@@ -403,6 +424,7 @@ impl<'a> Worker<'a> {
                 settings: settings.clone(),
                 film: film.clone(),
                 statistics: *statistics,
+                is_whole: refinement.is_complete,
             };
             *lock(&self.session.finished) = Some((refinement.version, Arc::new(finished)));
         }
@@ -446,6 +468,43 @@ impl<'a> Worker<'a> {
             noise: f32::NAN,
             denoised: 0.0,
         }
+    }
+}
+
+#[cfg(feature = "server")]
+impl<'a> Worker<'a> {
+    /// Renders for a session until it ends, on threads of its own: this number of them, and
+    /// one that encodes, at this number of frames per second.
+    pub fn run(session: &'a Session, threads: usize, frames_per_second: f64) {
+        std::thread::scope(|scope| {
+            let encoder = Encoder::beside(scope, session);
+            let learned = Learned::new(scope, threads);
+            Self::new(session, threads, frames_per_second, encoder, learned).work();
+        });
+    }
+
+    /// Renders until the session ends. A panic in a picture is reported to the pages, and the next
+    /// change is rendered again.
+    fn work(mut self) {
+        // No page is open yet; compiling now saves the first page the wait. A failure here repeats,
+        // and is reported, when a page is open.
+        let _ = catch_unwind(AssertUnwindSafe(|| self.compile(&self.session.now())));
+        while let Some(snapshot) = self.next() {
+            self.serve(&snapshot);
+        }
+        // The view ends.
+        if let Some(refinement) = &mut self.refinement {
+            refinement.save(self.session);
+        }
+    }
+
+    /// The next state to render. Waits until it is due, and until a page has shown an earlier
+    /// picture.
+    fn next(&self) -> Option<Snapshot> {
+        if let Some((last, _)) = self.last_moving {
+            self.session.pace.wait_for(last.wrapping_sub(UNSEEN), PATIENCE);
+        }
+        self.session.wait(self.seen, self.due)
     }
 }
 

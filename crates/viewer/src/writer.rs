@@ -18,6 +18,8 @@ pub struct Finished {
     pub film: Film,
     /// Statistics of these samples.
     pub statistics: Statistics,
+    /// True if all samples were taken.
+    pub is_whole: bool,
 }
 
 impl Finished {

@@ -2,6 +2,7 @@
 
 import { parseFrame } from "../connection";
 import { unpackHalves } from "../halves";
+import { host } from "../host";
 import type { Linear } from "./linear";
 
 /** The facts and the bytes after them. */
@@ -13,7 +14,7 @@ function withFacts<T>(buffer: ArrayBuffer): { facts: T; bytes: ArrayBuffer } {
 
 /** Asks the server; an error is a message for the user. */
 async function ask(query: string, body?: BodyInit): Promise<ArrayBuffer> {
-  const response = await fetch(query, body === undefined ? {} : { method: "POST", body });
+  const response = await host.ask(query, body === undefined ? {} : { method: "POST", body });
   if (!response.ok) throw new Error((await response.text()).trim());
   return response.arrayBuffer();
 }

@@ -2,9 +2,10 @@
 
 import { useSignal } from "@preact/signals";
 import type { JSX } from "preact";
-import { useRef } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { filesOf } from "../drop";
 import { type Fields, type Json, readable, type TexturePlace } from "../form";
+import { host } from "../host";
 import { isLight, isPicture, sendPicture } from "../send";
 import { choices, type Store, scene } from "../store";
 
@@ -16,6 +17,28 @@ function patterns(): string[] {
   const isAlone = (kind: string): boolean =>
     !/"texture":\d/.test(JSON.stringify(choices.value?.examples.pattern?.[kind] ?? {}));
   return forms?.options.filter(isAlone) ?? [];
+}
+
+/** A small picture of a texture of the scene. */
+function Swatch(props: { texture: number; generation: number; title: string }): JSX.Element {
+  const { texture, generation, title } = props;
+  const address = useSignal("");
+  useEffect(() => {
+    let [isOver, made] = [false, ""];
+    const show = async (): Promise<void> => {
+      const response = await host.ask(`texture?i=${texture}&generation=${generation}`);
+      if (isOver || !response.ok) return;
+      made = URL.createObjectURL(await response.blob());
+      address.value = made;
+    };
+    // Without an answer, there is the name.
+    show().catch(() => {});
+    return () => {
+      isOver = true;
+      URL.revokeObjectURL(made);
+    };
+  }, [texture, generation]);
+  return <img src={address.value || undefined} alt={title} width="24" height="24" />;
 }
 
 export function TextureSlot(props: {
@@ -84,12 +107,7 @@ export function TextureSlot(props: {
         {place.texture === null ? (
           "+"
         ) : (
-          <img
-            src={`texture?i=${place.texture}&generation=${info.generation}`}
-            alt={title}
-            width="24"
-            height="24"
-          />
+          <Swatch texture={place.texture} generation={info.generation} title={title} />
         )}
       </button>
       {open.value && (

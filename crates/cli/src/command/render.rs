@@ -292,7 +292,7 @@ impl Session<'_> {
             settings: &settings,
             statistics,
             film: &film,
-            image_sha256: output::sha256(&picture),
+            image_sha256: snell_persist::image_sha256(&picture),
             receipt: self.receipt.of_film(&film),
         };
         let summary = Summary {
@@ -368,14 +368,14 @@ pub(super) fn encode(
     made: &Finished,
     format: &str,
 ) -> Result<Vec<u8>, Failure> {
-    let Finished { scene, compiled, settings, film, statistics } = made;
+    let Finished { scene, compiled, settings, film, statistics, is_whole: _ } = made;
     let mut picture = snell_render::picture(film, settings, compiled);
     let facts = Facts {
         scene,
         settings,
         statistics: *statistics,
         film,
-        image_sha256: output::sha256(&picture),
+        image_sha256: snell_persist::image_sha256(&picture),
         receipt: receipt::of_options(options, matches).of_film(film),
     };
     snell_render::layers::name_groups(&mut picture, film, &settings.light_groups);

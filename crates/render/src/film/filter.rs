@@ -5,6 +5,7 @@
 use crate::named::named;
 use snell_math::{DVec2, Vec2, real};
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 
 named! {
     /// A separable reconstruction filter.
@@ -98,8 +99,16 @@ impl FilterSampler {
     const STEPS: usize = 1024;
     const RESOLUTION: usize = 1 << 14;
 
+    /// The filter prepared for sampling. It is tabulated once: a render in many short steps would
+    /// spend much of their time on it.
+    pub fn of(filter: Filter) -> &'static Self {
+        static KNOWN: [OnceLock<FilterSampler>; Filter::ALL.len()] =
+            [const { OnceLock::new() }; Filter::ALL.len()];
+        KNOWN[filter as usize].get_or_init(|| Self::new(filter))
+    }
+
     /// Tabulates a filter for sampling.
-    pub fn new(filter: Filter) -> Self {
+    fn new(filter: Filter) -> Self {
         let radius = filter.radius();
         let n = Self::RESOLUTION;
         let position = |i: f64| (i / n as f64 * 2.0 - 1.0) * radius;

@@ -35,7 +35,7 @@ impl Job<'_> {
                 context,
                 self.camera,
                 &self.sampler,
-                &self.filter,
+                self.filter,
                 &self.light_parts,
                 Tracer::new(self.scene, None, self.cancel),
             );

@@ -166,7 +166,7 @@ pub struct Job<'a> {
     camera: &'a Camera,
     settings: &'a Settings,
     sampler: Sampler,
-    filter: FilterSampler,
+    filter: &'static FilterSampler,
     lights: Arc<LightSampler>,
     light_parts: LightParts,
     watcher: Option<TileWatcher<'a>>,
@@ -221,7 +221,7 @@ impl<'a> Job<'a> {
             camera,
             settings,
             sampler: Sampler::of(settings),
-            filter: FilterSampler::new(settings.filter),
+            filter: FilterSampler::of(settings.filter),
             lights: scene.light_sampler(settings.light_sampler, settings.light_strategy),
             light_parts: LightParts::new(scene, settings),
             watcher: None,
@@ -313,7 +313,7 @@ impl<'a> Job<'a> {
             context,
             self.camera,
             &self.sampler,
-            &self.filter,
+            self.filter,
             &self.light_parts,
             tracer,
         );
@@ -394,7 +394,7 @@ impl<'a> Job<'a> {
             context,
             self.camera,
             &self.sampler,
-            &self.filter,
+            self.filter,
             &self.light_parts,
             tracer,
         );
@@ -469,7 +469,7 @@ fn empty_film(settings: &Settings) -> Film {
         min: [c.min[0].min(full.max[0]), c.min[1].min(full.max[1])],
         max: [c.max[0].min(full.max[0]), c.max[1].min(full.max[1])],
     });
-    let mean_weight = FilterSampler::new(settings.filter).mean_weight();
+    let mean_weight = FilterSampler::of(settings.filter).mean_weight();
     let mut film = Film::with_mean_weight(crop, &settings.aovs, mean_weight);
     film.noise_floor = settings.noise_floor;
     film

@@ -132,7 +132,7 @@ impl Job<'_> {
                     context,
                     self.camera,
                     &sampler,
-                    &self.filter,
+                    self.filter,
                     &light_parts,
                     tracer,
                 );

@@ -218,16 +218,6 @@ pub fn check_place(path: &Path) -> Result<(), Failure> {
     Ok(snell_formats::atomic::check(path)?)
 }
 
-/// SHA-256 of the values of the first layer (rows from the top, channels interleaved) as
-/// little-endian 32-bit floats.
-pub fn sha256(picture: &LayeredImage) -> String {
-    let mut hasher = Sha256::new();
-    for value in &picture.layers[0].values {
-        hasher.update(value.to_le_bytes());
-    }
-    text(&hasher.finalize())
-}
-
 /// SHA-256 of the content of a file.
 pub fn hex(content: &[u8]) -> String {
     text(&Sha256::digest(content))

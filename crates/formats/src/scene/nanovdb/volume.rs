@@ -26,7 +26,7 @@ const MAX_CELLS: usize = 1 << 28;
 
 /// Maximum number of comparisons of a cell with a tile of the root. Real files are far below; the
 /// limit is for files made to take forever.
-const MAX_SEARCH: usize = 1 << 34;
+const MAX_SEARCH: u64 = 1 << 34;
 
 /// True for files that [`Volumes`] reads or can report errors in.
 pub fn recognises(bytes: &[u8]) -> bool {
@@ -199,7 +199,8 @@ impl<'a> Volumes<'a> {
             .checked_mul(size[1])
             .and_then(|n| n.checked_mul(size[2]))
             .filter(|n| *n <= most);
-        let Some(count) = count.filter(|n| n.saturating_mul(tiles(&bytes)) <= MAX_SEARCH) else {
+        let search = |n: usize| (n as u64).saturating_mul(tiles(&bytes) as u64);
+        let Some(count) = count.filter(|&n| search(n) <= MAX_SEARCH) else {
             let problem = format!(
                 "the grid \"{name}\" has a box of {} x {} x {} voxels; up to {most} in all are \
                     read",

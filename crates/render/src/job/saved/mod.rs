@@ -62,7 +62,7 @@ impl Underway {
             rows: rows(&self.film).count() as u32,
             // Training that was interrupted before the first sample is done anew.
             has_field: self.field.is_some() && self.statistics.samples > 0,
-            mean_weight: FilterSampler::new(settings.filter).mean_weight(),
+            mean_weight: FilterSampler::of(settings.filter).mean_weight(),
             note: note.into(),
         };
         out.write_all(&MARK.bytes)?;
