@@ -169,7 +169,7 @@ fn gallery() -> bool {
 /// Writes the pages of parameters and settings, and the types of settings in Python, from their
 /// declarations.
 fn parameters() -> bool {
-    let mut command = cargo(&["test", "--package", "snell-cli", "--test", "pages"]);
+    let mut command = cargo(&["test", "--package", "snell", "--test", "pages"]);
     command.env("SNELL_PARAMETERS", "write");
     run("parameters", command)
 }
