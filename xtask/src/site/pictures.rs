@@ -91,10 +91,10 @@ impl Pictures {
 
 /// Gives a command few samples per pixel, if it does not have fewer.
 fn set_samples(words: &mut Vec<String>) {
-    let at = words.iter().position(|word| word == "--spp").map(|option| option + 1);
-    match at.and_then(|at| words.get_mut(at)) {
-        Some(spp) if spp.parse::<u32>().is_ok_and(|spp| spp <= DRAFT_SPP) => {}
-        Some(spp) => *spp = DRAFT_SPP.to_string(),
+    let value = words.iter().position(|word| word == "--spp").map(|option| option + 1);
+    match value.filter(|&at| at < words.len()) {
+        Some(at) if words[at].parse::<u32>().is_ok_and(|spp| spp <= DRAFT_SPP) => {}
+        Some(at) => words[at] = DRAFT_SPP.to_string(),
         None => words.extend(["--spp".into(), DRAFT_SPP.to_string()]),
     }
     words.retain(|word| word != "--guiding");
