@@ -168,7 +168,8 @@ impl Random {
         }
         let world = builder.build(&BuildOptions { simd, ..BuildOptions::default() })?;
         let rays = self.rays(&aims);
-        let grouping = if self.number.is_multiple_of(2) { Grouping::None } else { Grouping::Coherent };
+        let grouping =
+            if self.number.is_multiple_of(2) { Grouping::None } else { Grouping::Coherent };
         let mut hits = vec![Hit::MISS; rays.len()];
         world.closest(&rays[..], grouping, &AcceptAll, &mut hits);
         for Hit { t, uv, instance, geometry, primitive } in hits {
