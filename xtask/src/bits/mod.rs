@@ -130,7 +130,7 @@ impl Column {
         build.args(["--package", "snell-lab", "--example"]);
         build.arg(if is_wasm { "random_rays_wasm" } else { "random_rays" });
         if !is_wasm {
-            build.args(["--package", "snell-cli", "--bin", "snell"]);
+            build.args(["--package", "snell", "--bin", "snell"]);
         }
         if self.profile == "release" {
             build.arg("--release");
