@@ -11,7 +11,7 @@ pub(crate) fn known_kind(bytes: &[u8], extension: &str) -> Option<(String, &'sta
         return Some((what.into(), "get the file with git lfs pull"));
     }
     if begins(b"<!doctype html") || begins(b"<html") {
-        let what = "this is a page of the web, which a server sent in place of the file";
+        let what = "this is a web page, which a server sent in place of the file";
         return Some((what.into(), "look at it in a browser, and download the file again"));
     }
     const CONVERT: &str = "convert it to glTF, for example with Blender";
@@ -82,7 +82,7 @@ mod tests {
         for name in ["a.glb", "a.gltf", "a.obj", "a.ply", "a.stl", "a.usdz", "a"] {
             assert!(said(name, pointer).contains("git lfs pull"), "{}", said(name, pointer));
             let page = said(name, b"\n<!DOCTYPE html>\n<html><body>Not found</body></html>");
-            assert!(page.contains("a page of the web"), "{page}");
+            assert!(page.contains("a web page"), "{page}");
         }
         assert!(said("a.fbx", b"Kaydara FBX Binary  \0").contains("a file of FBX"));
         assert!(said("a", b"BLENDER-v300").contains("export it as glTF from Blender"));

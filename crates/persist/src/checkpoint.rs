@@ -250,7 +250,7 @@ impl Checkpoint {
         let had_failed = std::mem::replace(has_failed, written.is_err());
         let error = written.err().filter(|_| !had_failed)?;
         Some(format!(
-            "{}; rendering goes on, and saving is tried again: make room or mend the folder",
+            "{}; rendering continues, and saving is tried again: make room or repair the folder",
             one_line(&error.to_string())
         ))
     }

@@ -154,7 +154,7 @@ fn say_what_is_there(outcome: &Outcome, path: &Path, spp: u32) {
             );
         }
         Fate::Noisy => {
-            eprintln!("interrupted while noise was removed: the picture holds it ({least} samples)")
+            eprintln!("interrupted while denoising: the picture is noisy ({least} samples)")
         }
         _ => {
             eprintln!("interrupted: the picture holds what was rendered ({least} of {spp} samples)")
@@ -332,17 +332,15 @@ impl Session<'_> {
                 };
             }
             if let Err(failure) = denoised {
-                let problem = format!(
-                    "{failure}; {} holds the picture with its noise",
-                    target.path().display()
-                );
+                let problem =
+                    format!("{failure}; {} holds the noisy picture", target.path().display());
                 return Err(Failure::Other(problem));
             }
         }
         if is_stuck && !interrupt::is_requested() {
             return Err(Failure::Scene(format!(
                 "{}: the time is over, and some rays meet so many things that the first pass would \
-                    not end; {}",
+                    not finish; {}",
                 options.scene.display(),
                 match fate {
                     Fate::Partial => format!(

@@ -295,7 +295,7 @@ fn report(
         text += "the picture was denoised, so only its receipt is compared, not the file\n";
     }
     if wrong.is_empty() {
-        text += &format!("{shown}: {checked} of {count} tiles rendered again, all the same bits");
+        text += &format!("{shown}: {checked} of {count} tiles rendered again: all the same bits");
         text += &match checked < count {
             true => format!(
                 "; if 5 % of all were wrong, some would have been found with {:.1} % certainty\n",

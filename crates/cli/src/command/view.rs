@@ -68,7 +68,7 @@ pub struct Options {
     #[arg(short, long, value_name = "N", value_parser = threads::number())]
     threads: Option<u32>,
     /// Keep the picture at rest in this file, every 30 seconds and at the end. If the file is
-    /// there, the view goes on where it was: with its camera, its options and its samples. `snell
+    /// there, the view continues where it was: with its camera, its options and its samples. `snell
     /// render --checkpoint FILE --resume` can finish the picture
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
@@ -155,7 +155,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         );
     }
     println!("{}", server.url);
-    eprintln!("Open this address in a browser; Ctrl-C ends.");
+    eprintln!("Open this address in a browser; Ctrl-C ends the viewer.");
     if !options.no_open && (options.open || has_display()) {
         open_browser(&server);
     }
@@ -194,7 +194,7 @@ fn kept_options(
     }
     // A file may be a stranger's.
     receipt::options_of(scene, &receipt.arguments)?;
-    eprintln!("{shown}: the view goes on where it was, with the options that it had");
+    eprintln!("{shown}: the view continues where it was, with the options that it had");
     let is_named = |argument: &&String| argument.starts_with("--denoise=");
     let arguments = receipt.arguments.iter().filter(|argument| !is_named(argument));
     Ok((arguments.map(OsString::from).collect(), lock))

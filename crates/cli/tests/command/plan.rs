@@ -143,7 +143,7 @@ fn what_is_missing_foreign_broken_or_different_is_named() {
     put(&flipped);
     refused(merge("plan"), 1, "this file is damaged");
     put(&first[..first.len() / 2]);
-    refused(merge("plan"), 1, "it ends early; it is called 00000-0000000.result-4.useless now");
+    refused(merge("plan"), 1, "it ends early; it was renamed to 00000-0000000.result-4.useless");
     assert!(!mine[0].exists());
     // A copy of the folder has what this one lacks.
     let copy = place.path("copy");
@@ -309,7 +309,7 @@ fn a_wrong_tile_is_found_and_right_pictures_pass() {
     for name in ["a.exr", "a.png"] {
         place.run(&format!("render a.obj --size 48x32 --spp 8 --exposure 0.5 -q -o {name}")).done();
         let run = place.run(&format!("verify {name}")).done();
-        assert!(run.text().contains("6 of 6 tiles rendered again, all the same bits"), "{run:?}");
+        assert!(run.text().contains("6 of 6 tiles rendered again: all the same bits"), "{run:?}");
     }
     // The picture with the receipt of another.
     place.run("render a.obj --size 48x32 --spp 8 --exposure 0.5 --seed 9 -q -o b.png").done();

@@ -47,7 +47,7 @@ pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, Re
         return Err(input.error(
             Place::Whole,
             "the points have no fields x, y and z",
-            "name the coordinates so in the line FIELDS",
+            "give the coordinates these names in the line FIELDS",
         ));
     };
     let at = |i: usize| {
@@ -205,7 +205,7 @@ fn header(reader: &mut Reader<'_>) -> Result<(PointTable, Encoding), ReadError> 
             };
         } else if !word.bytes.starts_with(b"#") && !matches!(word.bytes, b"VERSION" | b"VIEWPOINT")
         {
-            let problem = format!("{} is no word of a header", word.quoted());
+            let problem = format!("{} is not a word of a header", word.quoted());
             return Err(reader.error(word.start, problem, EXPORT_AGAIN));
         }
         reader.text.next_line();

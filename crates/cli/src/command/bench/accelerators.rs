@@ -209,7 +209,7 @@ impl Report<'_> {
     ) -> Result<(), Failure> {
         let triangles = bench.world.instanced_triangle_count();
         self.heading(
-            "\nSwitches: thousands of rays per second, and tests a ray; primary, then diffuse",
+            "\nSwitches: thousands of rays per second, and tests per ray; primary, then diffuse",
         )?;
         let case = Case::new(bench, measurer)?;
         let switchable =

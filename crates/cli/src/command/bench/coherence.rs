@@ -227,7 +227,7 @@ impl Row {
 fn heading(case: &Case) -> String {
     format!(
         "{}, {} triangles, {side} x {side} pixels, one thread: millions of rays per second; nodes \
-            and triangles a ray; share traced as single rays\n{:8} {:8} {:>10} {:>8} {:>8} {:>8} \
+            and triangles per ray; share traced as single rays\n{:8} {:8} {:>10} {:>8} {:>8} {:>8} \
             {:>9} {:>9}\n",
         scenes::short_name(&case.bench.name),
         case.world.instanced_triangle_count(),

@@ -147,7 +147,7 @@ impl Folder {
             read => read.map_err(|error| failed(&file, error))?,
         };
         let plan: Plan = serde_json::from_str(&text)
-            .map_err(|error| hopeless(&file, format!("this is no plan of Snell: {error}")))?;
+            .map_err(|error| hopeless(&file, format!("this is not a plan of Snell: {error}")))?;
         if plan.format != FORMAT || plan.program != env!("CARGO_PKG_VERSION") {
             return Err(hopeless(
                 &file,
@@ -164,7 +164,7 @@ impl Folder {
             return Err(hopeless(&file, "this plan names files outside of its folder"));
         }
         if plan.fingerprint != plan.computed_fingerprint() {
-            return Err(hopeless(&file, "this plan was changed after it was made; make it anew"));
+            return Err(hopeless(&file, "this plan was changed after it was made; make a new one"));
         }
         Ok(Self { path: path.into(), plan })
     }
@@ -181,7 +181,7 @@ impl Folder {
         if found != self.plan.bundle_sha256 {
             let problem =
                 "this is not the scene of the plan (its SHA-256 differs); copy the folder";
-            return Err(hopeless(&path, format!("{problem} again, or make the plan anew")));
+            return Err(hopeless(&path, format!("{problem} again, or make a new plan")));
         }
         let mut scene = snell_formats::read_scene(&path, &ReadOptions::default())?;
         scene.name.clone_from(&self.plan.scene_name);
@@ -196,7 +196,7 @@ impl Folder {
     pub fn frames(&self, options: &render::Options, stage: &Stage) -> Result<Vec<Frame>, Failure> {
         let frames = render::frames::all(options, stage)?;
         if frames.len() != self.plan.frames as usize {
-            let problem = "the scene has another number of pictures than the plan; make it anew";
+            let problem = "scene and plan have different numbers of pictures; make a new plan";
             return Err(hopeless(&self.path, problem));
         }
         Ok(frames)

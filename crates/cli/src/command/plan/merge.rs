@@ -155,8 +155,8 @@ fn merge_checkpoints(options: &Options) -> Result<ExitCode, Failure> {
         let all = all.ok_or_else(|| Failure::Usage("name a checkpoint".into()))?;
         if !all.statistics.is_complete && !options.quiet {
             eprintln!(
-                "warning: the picture has {} of {} samples; snell render goes on with the \
-                 checkpoint, by --checkpoint and --resume",
+                "warning: the picture has {} of {} samples; snell render with --checkpoint and \
+                 --resume renders the rest",
                 all.film.least_samples(),
                 job.settings().spp
             );
@@ -215,7 +215,7 @@ fn unfinished(gaps: Gaps, round: u32, frame: u32, folder: &Folder) -> Failure {
     if let Some(problem) = problems.first() {
         let more = match problems.len() - 1 {
             0 => String::new(),
-            more => format!(" (and {more} more of such problems)"),
+            more => format!(" (and {more} more such problems)"),
         };
         return Failure::Other(format!("{picture}{problem}{more}"));
     }
@@ -228,7 +228,7 @@ fn unfinished(gaps: Gaps, round: u32, frame: u32, folder: &Folder) -> Failure {
     };
     let (path, command) = (shown(&folder.path), word(&folder.path));
     Failure::Other(match missing.len() {
-        0 => format!("{path}: {picture}the last round is not ended; run snell work {command}"),
+        0 => format!("{path}: {picture}the last round is not finished; run snell work {command}"),
         count => format!(
             "{path}: {picture}{count} of {tasks} tasks{of_round} have no result ({}{more}); run \
              snell work {command}",

@@ -66,7 +66,7 @@ pub struct Options {
 const PLAN: &str = "The plan";
 
 /// What `--output` is.
-const FOLDER: &str = "New folder for the plan, which all machines see. It must be given";
+const FOLDER: &str = "New folder for the plan, which all machines see. Required";
 
 /// Options of `snell render` that make no sense for a plan.
 const REFUSED: [&str; 6] =
@@ -81,7 +81,7 @@ const USAGE: &str = "snell plan [OPTIONS] [SCENE] --output <FOLDER>
 const EXAMPLES: &str = "Examples:
   snell plan room.gltf --spp 4096 -o plan    on one machine, in a folder that all machines see
   snell work plan                            on every machine, as often as you like
-  snell plan status plan                     how far it is
+  snell plan status plan                     how far it has got
   snell merge plan -o room.exr               when all is done, on any machine";
 
 #[derive(Debug, clap::Subcommand)]
@@ -176,7 +176,7 @@ fn plan_folder(render: &render::Options) -> Result<&Path, Failure> {
     };
     if render.request.time.is_some() {
         return Err(usage(
-            "--time: how much many machines render in a time cannot be repeated; give --spp, or \
+            "--time: how much machines render in a given time cannot be reproduced; give --spp, or \
              --noise with an upper limit by --spp",
         ));
     }
@@ -185,8 +185,8 @@ fn plan_folder(render: &render::Options) -> Result<&Path, Failure> {
     let refused = REFUSED.into_iter().find(is_given).or(render.tev().map(|_| "display tev"));
     if let Some(option) = refused {
         return Err(Failure::Usage(format!(
-            "--{} is no option of a plan: what is done is in its folder, and snell merge writes \
-             the picture",
+            "--{} is not an option of a plan: what is done is in its folder, and snell merge \
+             writes the picture",
             option.replace('_', "-")
         )));
     }

@@ -114,7 +114,7 @@ impl Gaps {
     pub fn set_aside(self) -> Vec<String> {
         let aside = self.useless.iter().map(|(path, problem)| match set_aside(path) {
             Ok(name) => format!(
-                "{}: {problem}; it is called {name} now, and snell work renders the task again",
+                "{}: {problem}; it was renamed to {name}, and snell work renders the task again",
                 shown(path)
             ),
             Err(error) => format!(
@@ -233,7 +233,7 @@ pub fn catch_up(
         let name = set_aside(&path).map_err(|aside| {
             failed(format!("; remove this file ({aside}), and snell work makes it again"))
         })?;
-        eprintln!("warning: {}: {error}; it is called {name} now", shown(&path));
+        eprintln!("warning: {}: {error}; it was renamed to {name}", shown(&path));
     }
     Ok(())
 }

@@ -39,14 +39,14 @@ pub struct Options {
     /// Name of this worker, for messages. Default: the machine's name and the process id
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
-    /// After this time without a sign of life of another worker its task is taken over: 0.2 s to a
-    /// day
+    /// When another worker has given no sign of life for this time, its task is taken over: 0.2 s
+    /// to a day
     #[arg(long, value_name = "TIME", value_parser = parse_lease, default_value = "60s")]
     lease: Duration,
     /// Threads. Default: one per core
     #[arg(short, long, value_name = "N", value_parser = threads::number())]
     threads: Option<u32>,
-    /// Print progress in the words of Open Job Description (openjd_progress: 42)
+    /// Print progress in the format of Open Job Description (openjd_progress: 42)
     #[arg(long)]
     openjd: bool,
     /// Print nothing but errors
@@ -83,8 +83,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let plan = &folder.plan;
     if options.tasks.is_some() && plan.has_rounds {
         return Err(Failure::Usage(
-            "--tasks: pixels of this plan stop by their error (--noise), so its tasks depend on \
-             those before and have no fixed numbers; start as many workers without --tasks"
+            "--tasks: pixels of this plan stop at an error (--noise), so its tasks depend on \
+             earlier ones and have no fixed numbers; start as many workers without --tasks"
                 .into(),
         ));
     }

@@ -40,7 +40,7 @@ pub fn farewell(checkpoint: &Checkpoint) -> String {
     let shown = one_line(&checkpoint.path().display().to_string()).into_owned();
     match checkpoint.has_failed() {
         true => format!("the render could not be saved in {shown}"),
-        false => format!("the same command with --resume goes on from {shown}"),
+        false => format!("the same command with --resume continues from {shown}"),
     }
 }
 
@@ -66,8 +66,7 @@ pub fn check(options: &Options) -> Result<Option<Lock>, Failure> {
         let is_alone = options.resume && !options.has_frames();
         return match (is_alone, options.checkpoint_interval) {
             (true, _) => Err(Failure::Usage(
-                "--resume goes on with frames, or with the render that --checkpoint FILE has saved"
-                    .into(),
+                "--resume continues frames, or the render that --checkpoint FILE has saved".into(),
             )),
             (_, Some(_)) => {
                 Err(Failure::Usage("--checkpoint-interval needs --checkpoint FILE".into()))

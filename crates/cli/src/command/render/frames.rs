@@ -143,7 +143,7 @@ impl Place {
                 (part(name, 0..first), part(name, last + 1..name.len()), marks.len())
             }
             (Some(_), Some(_)) => {
-                let problem = "the # in place of the number must be next to each other";
+                let problem = "the # that stand for the number must be next to each other";
                 return Err(Failure::Usage(format!("{}: {problem}", path.display())));
             }
             _ => {
@@ -284,7 +284,7 @@ pub(super) fn render(
             continue;
         }
         let there = format!(
-            "interrupted: {} frames of {} are there; the same command with --resume makes the rest",
+            "interrupted: {} of {} frames are there; the same command with --resume makes the rest",
             files.keys().filter(|&&number| memory.has(number)).count(),
             frames.len()
         );
@@ -298,8 +298,7 @@ pub(super) fn render(
         };
         let Some(sha256) = taken.sha256 else {
             eprintln!(
-                "the frames before it are in their places; the same command with --resume makes \
-                    the rest"
+                "the frames before it are written; the same command with --resume makes the rest"
             );
             return Ok(Some(ExitCode::from(1)));
         };

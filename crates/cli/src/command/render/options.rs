@@ -125,11 +125,11 @@ pub struct Options {
         help_heading = "Motion",
     )]
     pub shutter: Option<[f64; 2]>,
-    /// Save the render on its way in this file, every 30 seconds and when it is interrupted, so
-    /// that --resume goes on with it
+    /// Save the unfinished render in this file, every 30 seconds and when it is interrupted, so
+    /// that --resume can continue it
     #[arg(long, value_name = "FILE", help_heading = "The picture")]
     pub checkpoint: Option<PathBuf>,
-    /// Time between two savings, such as 30s or 5m
+    /// Time between two saves, such as 30s or 5m
     #[arg(
         long,
         value_name = "TIME",
@@ -140,8 +140,8 @@ pub struct Options {
     /// Write the picture so far to this file, every 10 seconds
     #[arg(long, value_name = "FILE", help_heading = "The picture")]
     pub preview: Option<PathBuf>,
-    /// Go on with what was interrupted: with the render that --checkpoint has saved, with the
-    /// missing frames of an animation
+    /// Continue what was interrupted: the render that --checkpoint has saved, or the missing
+    /// frames of an animation
     #[arg(long, help_heading = "The picture")]
     pub resume: bool,
     /// Show this set of materials, in glTF files with several

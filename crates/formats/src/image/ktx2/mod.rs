@@ -27,7 +27,7 @@ const REMEDY: &str = "save it as PNG, or as KTX2 with Basis Universal compressio
 /// Decodes the largest level of the first picture of a file.
 pub fn read(input: &Input) -> Result<Image, ReadError> {
     let header =
-        Header::read(&input.bytes).ok_or_else(|| damaged(input, "its header is not whole"))?;
+        Header::read(&input.bytes).ok_or_else(|| damaged(input, "its header is incomplete"))?;
     let mut image = match vulkan::format(header.format) {
         Some((layout, encoding)) => read_texels(input, &header, layout, encoding)?,
         None => basis::read(input, &header)?,

@@ -182,7 +182,7 @@ pub fn flatten(
         for count in line.as_chunks::<4>().0 {
             let count = i32::from_le_bytes(*count);
             let samples = count.checked_sub(before).and_then(|n| usize::try_from(n).ok());
-            starts.push(starts[starts.len() - 1] + samples.ok_or("its counts of samples fall")?);
+            starts.push(starts[starts.len() - 1] + samples.ok_or("its sample counts decrease")?);
             before = count;
         }
     }

@@ -173,7 +173,7 @@ impl Header {
                 _ => {
                     notes.add("header", || {
                         format!(
-                            "{}: {} is no word of a header (format, comment, obj_info, element, \
+                            "{}: {} is not a word of a header (format, comment, obj_info, element, \
                             property or end_header); such lines were skipped",
                             reader.location(word.start),
                             word.quoted()

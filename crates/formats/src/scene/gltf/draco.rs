@@ -65,7 +65,7 @@ impl Unpacked {
         };
         let points = mesh.num_points();
         if mesh.faces().iter().flatten().any(|point| point.0 as usize >= points) {
-            return Err(damaged("a triangle has a vertex that there is not"));
+            return Err(damaged("a triangle names a vertex that does not exist"));
         }
         Ok(Some(Self { mesh, ids }))
     }

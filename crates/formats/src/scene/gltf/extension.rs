@@ -145,8 +145,8 @@ pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
     if let Some(extension) = root.extension(RELATIVE_TO_CENTER)? {
         let [x, y, z] = extension.require("center")?.numbers::<3>()?;
         scene.warn(format!(
-            "{RELATIVE_TO_CENTER} would move the whole file by ({x} {y} {z}) m; the picture is the \
-                same, so it stays where it is"
+            "{RELATIVE_TO_CENTER} would move the whole scene by ({x} {y} {z}) m; the picture is \
+                the same, so it stays where it is"
         ));
     }
     Ok(())

@@ -473,7 +473,7 @@ fn bent_mesh(
             if rig.has_weights(bearer) || deformed.skin.is_some() {
                 let place = mesh.place();
                 reader.scene.warn(format!(
-                    "{place}: points and lines do not bend in motion; they keep their first shape"
+                    "{place}: points and lines do not deform in motion; they keep their first shape"
                 ));
             }
             continue;

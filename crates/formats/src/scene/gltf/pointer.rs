@@ -88,11 +88,9 @@ pub(super) fn tracks(
     for pointer in reader.pointers.clone() {
         match object(&pointer.path) {
             Some(object) => groups.entry((pointer.clip, object)).or_default().push(pointer),
-            None => warn(
-                reader,
-                &pointer.channel,
-                &format!("\"{}\" is nothing that can be animated", pointer.path),
-            ),
+            None => {
+                warn(reader, &pointer.channel, &format!("\"{}\" cannot be animated", pointer.path))
+            }
         }
     }
     // The objects are read again, which repeats warnings, so the warnings are restored afterwards.
@@ -146,7 +144,7 @@ fn tracks_of(
         return Ok(baked.tracks(Owner::Texture(id.index()), |_| "uv_transform".into()));
     }
     let Some(number): Option<usize> = number else {
-        return Err(json.error("this is nothing that can be animated"));
+        return Err(json.error("this cannot be animated"));
     };
     let mut tracks = Vec::new();
     if object.starts_with("/materials/") {

@@ -155,7 +155,7 @@ impl Builder<'_> {
             }
             Some(Pattern::Constant(color)) => scale = scale * rgb_of(color),
             Some(_) => self.note("spot texture", object.at, || {
-                "a spot light with a texture that is no picture, or wider than 85 degrees: it \
+                "a spot light with a texture that is not a picture, or wider than 85 degrees: it \
                     shines evenly instead"
                     .into()
             }),

@@ -373,7 +373,7 @@ impl Builder<'_> {
         };
         if attribute.is_some() && !is_black {
             self.mention("vertex colours of emitter", at, || {
-                "an emitter by vertex colours: they are those of its bsdf too".into()
+                "an emitter by vertex colours: its bsdf has them too".into()
             });
         }
         material.emission = radiance;

@@ -182,7 +182,7 @@ impl<'a> Volumes<'a> {
         };
         if entry.about.grid_class == GridClass::LevelSet {
             let problem =
-                format!("the grid \"{name}\" is a level set, which is a surface and no density");
+                format!("the grid \"{name}\" is a level set, which is a surface, not a density");
             return Err(self.fault(entry, problem, "export it as a fog volume"));
         }
         let bytes = self.unpacked(entry)?;

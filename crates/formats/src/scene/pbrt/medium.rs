@@ -272,7 +272,7 @@ impl Builder<'_> {
         let frequency = params.float_or("frequency", 5.0)?.clamp(1.0, 100.0) as f32;
         params.get("wispiness");
         self.note("cloud", params.at, || {
-            "a cloud of other noise than pbrt's: its shape differs".into()
+            "a cloud with different noise than pbrt's: its shape differs".into()
         });
         Ok(Cloud {
             sigma_a: sigma_a * density,

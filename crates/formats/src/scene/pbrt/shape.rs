@@ -213,7 +213,7 @@ impl Builder<'_> {
         } else {
             let owner = params.owner.clone();
             self.note(owner.clone(), params.at, || {
-                format!("{owner} is not a shape that is known; it was left out")
+                format!("{owner} is not a known shape; it was left out")
             });
             Ok(Made::Nothing)
         }

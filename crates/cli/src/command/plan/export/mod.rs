@@ -25,7 +25,7 @@ pub struct Options {
     /// File to write. Default: standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Picture that the job writes in the end. Default: beside the folder of the plan
+    /// Picture that the job writes at the end. Default: beside the folder of the plan
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// Number of workers, where tasks are not numbered
@@ -116,8 +116,8 @@ fn text(path: &Path) -> Result<String, Failure> {
     let breaks = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}');
     let problem = match path.to_str() {
         Some(text) if !text.contains(breaks) => return Ok(text.into()),
-        Some(_) => "a job has lines, and this name has a line break or a control character",
-        None => "a job is text, and this name is not",
+        Some(_) => "this name has a line break or a control character, which a job cannot hold",
+        None => "this name is not text, which a job needs",
     };
     Err(Failure::Usage(format!("{}: {problem}; rename it", shown(path))))
 }

@@ -48,7 +48,7 @@ parameterDefinitions:
   type: PATH
   objectType: FILE
   dataFlow: OUT{picture}
-  description: Picture that is written in the end
+  description: Picture that is written at the end
 - name: Snell
   type: STRING
   default: snell

@@ -35,7 +35,7 @@ impl Worker<'_> {
                 Err(error) => error,
             };
             let (problem, remedy) = match self.folder.is_there() {
-                true => (format!("{}: {error}", shown(path)), "make room or mend the folder"),
+                true => (format!("{}: {error}", shown(path)), "make room or repair the folder"),
                 false => (
                     format!("{}: the plan is gone from its folder", shown(&self.folder.path)),
                     "bring it back, or start snell work with its new name",

@@ -218,8 +218,8 @@ impl Worker<'_> {
             .insist(&path, &mut || results::store(round, self.folder, frame, &self.name, result))?;
         if let Stored::Differs(other) = stored {
             eprintln!(
-                "warning: {}: worker {other} has another result than this one ({}), so one of the \
-                 machines is broken; snell merge tells more",
+                "warning: {}: the results of worker {other} and of this one ({}) differ, so one of \
+                 the machines is broken; snell merge says more",
                 path.display(),
                 self.name
             );

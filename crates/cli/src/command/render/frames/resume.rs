@@ -132,8 +132,8 @@ impl Memory {
             let unknown: Vec<i64> = files.keys().copied().filter(is_unknown).collect();
             if let Some(first) = unknown.first() {
                 warn(format!(
-                    "pictures without a receipt by which they are whole and of this plan are \
-                     merged again: {}, the first is {}",
+                    "pictures whose receipts do not show that they are complete and of this \
+                     plan are merged again: {}, the first is {}",
                     unknown.len(),
                     files[first].display()
                 ));

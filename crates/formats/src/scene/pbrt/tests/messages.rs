@@ -196,7 +196,7 @@ fn what_is_changed_is_told_once_of_each_kind() {
     test:7:19: there is no coordinate system "nowhere"; the transform was left as it is (1x)
     test:8:1: Material "measured" is not supported; a grey diffuse surface was used instead (1x)
     test:9:20: "float rougness" of Material "diffuse" is not known; it was ignored (2x)
-    test:11:1: Shape "nurbs" is not a shape that is known; it was left out (2x)
+    test:11:1: Shape "nurbs" is not a known shape; it was left out (2x)
     test:14:1: LightSource "laser" is not known; it was left out (1x)
     test:15:8: "bool disablepixeljitter" of Option was ignored: it is an aid for debugging pbrt (1x)
     test:17:22: surfaces without a material that bound no medium are not seen, and were left out (1x)
