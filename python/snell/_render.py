@@ -95,14 +95,13 @@ def render(
         and the number of rays so far, ten times a second and at the end; it stops the render by
         returning False.
     checkpoint : str or os.PathLike
-        A file in which the render is saved on its way, and when it ends, also by Ctrl-C. A file
-        that is there is refused, unless `resume` is True.
+        A file in which the unfinished render is saved at intervals, and when it ends, also by
+        Ctrl-C. An existing file is refused, unless `resume` is True.
     checkpoint_interval : float
-        Seconds between two savings; longer where saving would take more than a hundredth of the
-        time.
+        Seconds between two saves; longer if saving would take more than a hundredth of the time.
     resume : bool
-        Go on with the render in `checkpoint`, to the same bits as if nothing had ended it; begin
-        anew, with a warning, if there is none. A checkpoint of another picture is refused.
+        Continue the render in `checkpoint`, to the same bits as if nothing had ended it; if there
+        is none, warn and start from the beginning. A checkpoint of another picture is refused.
     SETTINGS
 
     Returns

@@ -17,7 +17,7 @@ class RenderSettings(TypedDict, total=False):
 
     noise: float | None
     """Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
-    0.02. In bright regions the value is relative to the light; see the documents. The
+    0.02. In bright regions the value is relative to the light; see the documentation. The
     number of samples and the time are upper limits.
     """
 

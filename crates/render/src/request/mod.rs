@@ -87,7 +87,7 @@ settings! {
         )]
         pub size: [u32; 2],
         /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
-        /// 0.02. In bright regions the value is relative to the light; see the documents. The
+        /// 0.02. In bright regions the value is relative to the light; see the documentation. The
         /// number of samples and the time are upper limits.
         #[setting(Light, "ERROR", "float", range Range::Within(1e-5, 10.0))]
         pub noise: f64,
@@ -105,8 +105,8 @@ settings! {
         pub max_depth: u32,
         /// Bounces after which `path` may end paths that have lost light, by Russian roulette.
         ///
-        /// 0 is at the first hit; as many as `max_depth` switch it off. What conserves light, such
-        /// as a white cloud, has no noise by it, but for paths of more than 4000 bounces.
+        /// 0 is the first hit; a value of `max_depth` or more switches it off. Where no light is
+        /// lost, as in a white cloud, it adds no noise, except to paths of more than 4000 bounces.
         #[setting(
             Light, "N", "int", default "1, or 4 where most light comes evenly from all directions";
             live

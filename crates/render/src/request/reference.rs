@@ -7,7 +7,7 @@ const PAGE: &str = "# Settings of a render
 
 What `snell render` and `snell.render` can be asked for beside the scene, as the renderer declares
 it; `cargo xtask parameters` writes this page. An option is given as `--spp 64`, a keyword as
-`spp=64`. What is left out is as the scene's file says, else as in the last column.
+`spp=64`. What is left out comes from the scene's file, or else has the default in the last column.
 ";
 
 /// The reference page in Markdown.
