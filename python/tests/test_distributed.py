@@ -310,7 +310,7 @@ def test_foreign_tasks_and_results_are_refused():
             film.add(broken)
     with pytest.raises(ValueError, match="task: "):
         worker.perform(result, "the worker")
-    with pytest.raises(ValueError, match="guiding: this is no guiding field"):
+    with pytest.raises(ValueError, match="guiding: this is not a guiding field"):
         worker.learn(result)
     elsewhere = _Film(scene, {"spp": 1, "size": (400, 200)}, "a").tasks(1, 1)
     with pytest.raises(ValueError, match="task: it is not of this render"):

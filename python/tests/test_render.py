@@ -173,7 +173,7 @@ def test_a_render_that_was_closed_goes_on_to_the_same_bits(tmp_path):
         with pytest.raises(StopIteration):
             pictures.close()
             next(pictures)
-        with pytest.raises(ValueError, match="is there; give resume=True to go on with it"):
+        with pytest.raises(ValueError, match="exists; give resume=True to continue it"):
             snell.render("cornell-box", **kept)
         first, *_, last = snell.render_iter("cornell-box", resume=True, threads=1, **kept)
         assert first.metadata["samples"] >= 16

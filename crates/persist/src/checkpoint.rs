@@ -100,7 +100,7 @@ impl Checkpoint {
             }
             Err(Unlocked::Foreign) => {
                 return Err(Problem::Usage(format!(
-                    "{} is no lock of Snell, but it has the name of the checkpoint's lock; \
+                    "{} is not a lock of Snell, but it has the name of the checkpoint's lock; \
                      remove it, or give another {checkpoint}",
                     shown(&place)
                 )));
@@ -119,7 +119,7 @@ impl Checkpoint {
         let known = places(path).into_iter().find(|path| path.symlink_metadata().is_ok());
         if let (Some(known), Resume::Never) = (known, resume) {
             return Err(Problem::Usage(format!(
-                "{} is there; {remedy} to go on with it, or remove it to begin anew",
+                "{} exists; {remedy} to continue it, or remove it to start again",
                 shown(&known)
             )));
         }
@@ -197,7 +197,7 @@ impl Checkpoint {
         }
         let warning = (resume == Resume::Always).then(|| {
             let path = shown(&self.path);
-            format!("{path}: there is no checkpoint yet; the render begins anew")
+            format!("{path}: there is no checkpoint yet; the render starts from the beginning")
         });
         Ok((job.begin(threads, keep_going), warning))
     }
@@ -301,19 +301,19 @@ fn check_kind(path: &Path) -> Result<(), Problem> {
     }
     match known.is_file() {
         true => Ok(()),
-        false => Err(Problem::Usage(format!("{shown} is no file; give the name of a file"))),
+        false => Err(Problem::Usage(format!("{shown} is not a file; give the name of a file"))),
     }
 }
 
 /// The warning that the one before a checkpoint is used.
 fn one_before(problem: &str, path: &Path) -> String {
-    format!("{problem}; going on with {}, the one before it", shown(path))
+    format!("{problem}; continuing with {}, the one before it", shown(path))
 }
 
 /// The error of a checkpoint of another picture.
 fn other(name: &str, error: &SavedError, words: Wording) -> Problem {
     Problem::Other(format!(
-        "{name}: {error}; give the options and files of before, or another {}",
+        "{name}: {error}; give the same options and files as before, or another {}",
         words.checkpoint
     ))
 }
@@ -354,7 +354,7 @@ fn first_whole<T>(
         first_problem.get_or_insert(problem);
     }
     match first_problem {
-        Some(problem) => Err(Problem::Other(format!("{problem}; remove it to begin anew"))),
+        Some(problem) => Err(Problem::Other(format!("{problem}; remove it to start again"))),
         None => Ok(None),
     }
 }

@@ -34,7 +34,8 @@ struct Listed {
 pub fn files(body: &[u8]) -> Result<Vec<Dropped>, String> {
     let end = body.iter().take(MAX_LIST).position(|byte| *byte == b'\n');
     let (list, mut rest) = end.map(|end| body.split_at(end + 1)).ok_or("no list")?;
-    let list: Vec<Listed> = serde_json::from_slice(list).map_err(|_| "this is no list of files")?;
+    let list: Vec<Listed> =
+        serde_json::from_slice(list).map_err(|_| "this is not a list of files")?;
     if list.len() > MAX_FILES {
         return Err(format!("more than {MAX_FILES} files; drop only those of one scene"));
     }

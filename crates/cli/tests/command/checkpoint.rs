@@ -53,7 +53,7 @@ fn a_checkpoint_serves_more_samples_and_refuses_another_picture() {
     run("", 40, "a.exr").done();
     let again = run("", 64, "b.exr");
     assert_eq!(again.code, 2, "{}", again.err);
-    assert!(again.err.contains("a.snellr is there; add --resume"), "{}", again.err);
+    assert!(again.err.contains("a.snellr exists; add --resume"), "{}", again.err);
     run("--resume", 64, "b.exr").done();
     place.run("render cornell-box --size 32x24 --spp 64 -q -o whole.exr").done();
     assert!(hash(&place, "b.exr") == hash(&place, "whole.exr"), "the bits differ");
@@ -107,7 +107,7 @@ fn a_torn_checkpoint_gives_way_to_the_one_before_it() {
     place.write("a.snellr", "a letter to somebody").write("a.snellr.before", "");
     let run = place.run(&words(64));
     assert_eq!(run.code, 1, "{}", run.err);
-    assert!(run.err.contains("this is no checkpoint of Snell"), "{}", run.err);
+    assert!(run.err.contains("this is not a checkpoint of Snell"), "{}", run.err);
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn a_torn_checkpoint_is_shown_and_merged_by_the_one_before_it() {
         place.write("a.snellr", torn);
         for command in ["info a.snellr", "merge a.snellr -o merged.exr"] {
             let run = place.run(command).done();
-            assert!(run.err.contains("going on with a.snellr.before"), "{}", run.err);
+            assert!(run.err.contains("continuing with a.snellr.before"), "{}", run.err);
         }
         assert!(hash(&place, "merged.exr") == hash(&place, "before.exr"));
     }
@@ -279,7 +279,7 @@ fn one_render_saves_to_a_checkpoint_at_a_time() {
     assert_eq!(place.files(), ["a.png", "a.snellr"]);
     place.write("b.lock", "of somebody else");
     let run = place.run("render cornell-box --size 16x12 --spp 1 --checkpoint b -q -o a.png");
-    assert!(run.code == 2 && run.err.contains("b.lock is no lock of Snell"), "{}", run.err);
+    assert!(run.code == 2 && run.err.contains("b.lock is not a lock of Snell"), "{}", run.err);
     std::os::unix::fs::symlink("a.snellr", place.path("link")).expect("it is writable");
     let run = place.run("render cornell-box --checkpoint link --resume -o a.png");
     assert!(run.code == 2 && run.err.contains("link is a symbolic link"), "{}", run.err);

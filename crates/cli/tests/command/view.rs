@@ -158,7 +158,11 @@ fn a_view_that_was_closed_goes_on_where_it_was_and_may_be_finished_without_it() 
     place.write("b.snellr", "a text of something else");
     let run = place.run("view a.obj --no-open --checkpoint b.snellr");
     assert_eq!(run.code, 1, "{}", run.err);
-    assert!(run.err.contains("this is no checkpoint of Snell; name another file"), "{}", run.err);
+    assert!(
+        run.err.contains("this is not a checkpoint of Snell; name another file"),
+        "{}",
+        run.err
+    );
 }
 
 #[test]

@@ -115,7 +115,7 @@ fn against_normals(subject: &Subject, body: &Body, report: &mut Report) {
         "the vertex normals of {} point to the inner side according to their winding",
         counted(faces as usize, "face")
     );
-    let remedy = "turn the faces over, or compute the normals anew";
+    let remedy = "turn the faces over, or compute the normals again";
     report.add_at_face(
         severity,
         subject,

@@ -108,7 +108,7 @@ impl _Film {
     fn add(&self, py: Python<'_>, result: &[u8]) -> PyResult<()> {
         let foreign = |what: &str| {
             PyRuntimeError::new_err(format!(
-                "a worker has returned what is no result of this render: {what}"
+                "a worker has returned something that is not a result of this render: {what}"
             ))
         };
         let (origin, result) =

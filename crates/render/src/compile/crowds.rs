@@ -49,7 +49,7 @@ pub(super) fn check(
     if mean >= u64::from(ENDLESS) {
         return Err(CompileError::World(WorldError::Limit(format!(
             "instances{place} overlap so much that a ray enters more than {ENDLESS} of them, and a \
-                picture would never be done; {remedy}"
+                picture would never be finished; {remedy}"
         ))));
     }
     let message = format!(

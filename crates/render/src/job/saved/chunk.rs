@@ -28,10 +28,12 @@ pub(super) struct Mark {
 #[derive(Debug, thiserror::Error)]
 pub enum SavedError {
     /// The file was not written by Snell as what is named.
-    #[error("this is no {0} of Snell")]
+    #[error("this is not a {0} of Snell")]
     Foreign(&'static str),
     /// The file is of another version of the format.
-    #[error("this {0} has the format of another version of Snell ({1}); go on with that version")]
+    #[error(
+        "this {0} has the format of another version of Snell ({1}); continue with that version"
+    )]
     Version(&'static str, String),
     /// The file ends early or was changed.
     #[error("this file is damaged: {0}")]

@@ -76,7 +76,7 @@ impl Header {
     pub fn film(&self, input: &mut dyn Read) -> Result<Film, SavedError> {
         let aov = |name: &String| Aov::ALL.into_iter().find(|aov| aov.name() == name);
         let Some(aovs) = self.layers.iter().map(aov).collect::<Option<Vec<_>>>() else {
-            return Err(SavedError::Other("it has layers that only its scene tells of".into()));
+            return Err(SavedError::Other("it has layers that only its scene describes".into()));
         };
         let Crop { min, max } = self.crop;
         let is_part = |axis: usize| min[axis] < max[axis] && max[axis] <= self.size[axis];
