@@ -190,6 +190,14 @@ impl Toolchain {
         cargo
     }
 
+    /// Makes a program that calls Cargo and passes Cargo's options on, such as `maturin`, build for
+    /// the target.
+    pub fn hand_to(&self, program: &mut Command) {
+        program.env("CARGO", &self.cargo);
+        program.envs(self.environment.iter().map(|(name, value)| (name, value)));
+        program.args(&self.flags).arg("--target-dir").arg(&self.folder);
+    }
+
     /// The folder of what was built with a profile, such as `release`.
     pub fn artifacts(&self, profile: &str) -> PathBuf {
         match &self.target {

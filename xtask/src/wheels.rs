@@ -1,5 +1,6 @@
 //! The wheels of the Python package, which have the command too: `target/wheels`.
 
+use crate::toolchain::Toolchain;
 use crate::{python, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,7 +20,15 @@ pub fn build(targets: impl Iterator<Item = String>) -> Option<bool> {
     for target in &targets {
         let mut maturin = python::python(&programs, &["-m", "maturin", "build", "--release"]);
         maturin.args(["--out", FOLDER]);
-        maturin.args(target.iter().flat_map(|target| ["--target", target]));
+        if let Some(target) = target {
+            match Toolchain::of(target) {
+                Ok(toolchain) => toolchain.hand_to(maturin.args(["--target", target])),
+                Err(error) => {
+                    eprintln!("xtask: {error}");
+                    return Some(false);
+                }
+            }
+        }
         if !run("build of the wheel", maturin) {
             return Some(false);
         }
