@@ -43,7 +43,6 @@ export function Gallery({ store }: { store: Store }): JSX.Element {
         {choices.value?.scenes.map(({ name, description }) => (
           <button
             class="card"
-            aria-label={name}
             disabled={!steers.value}
             onClick={() => void store.open(`builtin=${encodeURIComponent(name)}`)}
           >

@@ -76,7 +76,8 @@ export async function copyLink(store: Store): Promise<void> {
     );
     return;
   }
-  const link = new URL(linkTo(from, camera, now), document.location.href).href;
+  const here = document.location.href.replace(/[?#].*/, "");
+  const link = `${here}${linkTo(from, camera, now)}`;
   history.replaceState(null, "", link);
   await copyText(store, link);
   if (/ -D /.test(now.command.replace(/ -D '?camera\./g, " ")))

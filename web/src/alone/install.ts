@@ -2,12 +2,15 @@
 
 import { replaceHost } from "../host";
 import { alone, beginWith } from "./host";
-import { isAddress, parseLink } from "./link";
+import { asked, isAddress, parseLink } from "./link";
 
-const { link } = parseLink(document.location.hash);
+const { link } = parseLink(asked());
 
 /** The built-in scene that the renderer begins with, if a link names one. */
 export const first = link && !isAddress(link.scene) ? link.scene : null;
 
 beginWith(first, link === null);
 replaceHost(alone);
+
+// For scripts, as requests to the server of `snell view` are: `snell.ask("save?format=png")`.
+Object.assign(window, { snell: { ask: alone.ask } });

@@ -22,6 +22,10 @@ export interface Link {
 /** True for the address of a file, as opposed to the name of a built-in scene. */
 export const isAddress = (scene: string): boolean => /[/.:]/.test(scene);
 
+/** What the address of the page asks for, behind `#` or, in links of other pages, behind `?`. */
+export const asked = (): string =>
+  document.location.hash.length > 1 ? document.location.hash : document.location.search;
+
 const NUMBERS = ["spp", "max_depth", "exposure"] as const;
 const NAMES = ["integrator", "aov", "accelerator", "tonemap"] as const;
 
@@ -29,7 +33,7 @@ const NAMES = ["integrator", "aov", "accelerator", "tonemap"] as const;
 export function parseLink(hash: string): { link: Link | null; problems: string[] } {
   const link: Link = { scene: "", settings: {} };
   const problems: string[] = [];
-  for (const [name, value] of new URLSearchParams(hash.replace(/^#/, ""))) {
+  for (const [name, value] of new URLSearchParams(hash.replace(/^[#?]/, ""))) {
     const number = NUMBERS.find((known) => known === name);
     const text = NAMES.find((known) => known === name);
     if (name === "scene") link.scene = value;

@@ -4,6 +4,7 @@ import "./install";
 import { store } from "../main";
 import { follow } from "./follow";
 import { first } from "./install";
+import { asked } from "./link";
 
-void follow(store, document.location.hash, first);
-window.addEventListener("hashchange", () => void follow(store, document.location.hash, null));
+void follow(store, asked(), first);
+window.addEventListener("hashchange", () => void follow(store, asked(), null));
