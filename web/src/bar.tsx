@@ -55,7 +55,7 @@ export function Bar({ store, elsewhere }: { store: Store; elsewhere: Elsewhere }
   const isParallel = rig.value?.camera.projection.projection === "orthographic";
   return (
     <div class="bar" role="toolbar" aria-label="scene">
-      <strong class="logo">Snell</strong>
+      <h1 class="logo">Snell</h1>
       <Menu name={scene.value?.name || "no scene"}>
         <button disabled={!steers.value} onClick={() => file.current?.click()}>
           Open a file …
