@@ -6,7 +6,8 @@ import { createRequire } from "node:module";
 import { join } from "node:path";
 import { test } from "node:test";
 import { copiedCommand, drag, drop, fingerprint, folder, isDone, PATIENCE } from "../browser.mjs";
-import { onAlone, rendered, sha256, site } from "./site.mjs";
+import { site } from "./server.mjs";
+import { onAlone, rendered, sha256 } from "./site.mjs";
 
 const SMALL = { width: 640, height: 320 };
 const LIMIT = { timeout: PATIENCE * 3 };
