@@ -54,8 +54,8 @@ export function Bar({ store, elsewhere }: { store: Store; elsewhere: Elsewhere }
   const cameras = scene.value?.cameras ?? [];
   const isParallel = rig.value?.camera.projection.projection === "orthographic";
   return (
-    <header class="bar" role="toolbar" aria-label="scene">
-      <strong class="logo">Snell</strong>
+    <div class="bar" role="toolbar" aria-label="scene">
+      <h1 class="logo">Snell</h1>
       <Menu name={scene.value?.name || "no scene"}>
         <button disabled={!steers.value} onClick={() => file.current?.click()}>
           Open a file …
@@ -181,6 +181,6 @@ export function Bar({ store, elsewhere }: { store: Store; elsewhere: Elsewhere }
       <button class="wide" onClick={() => elsewhere.help()} title="Keys (?)" aria-label="keys">
         ?
       </button>
-    </header>
+    </div>
   );
 }

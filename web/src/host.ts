@@ -19,6 +19,8 @@ export interface Host {
   thumbnail(scene: string): string;
   /** Copies a link to what is shown, if the host has links. */
   copyLink?(store: Store): Promise<void>;
+  /** Opens the scene at an address of the web, if the host can; false if that fails. */
+  openAddress?(store: Store, address: string): Promise<boolean>;
   /** What is said of a host that is gone, and of one that does not answer. */
   readonly lost: string;
   readonly gone: string;

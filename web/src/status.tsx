@@ -22,7 +22,7 @@ export function Status(): JSX.Element {
   const state = !connected.value ? "lost" : moving ? "moving" : isDone ? "done" : "";
   const percent = (x: number): string => `${Number((x * 100).toPrecision(2))} %`;
   return (
-    <footer class="status" role="status" aria-live="off">
+    <div class="status" role="status" aria-live="off">
       <span class={`dot ${state}`} />
       {moving ? (
         <>
@@ -50,6 +50,6 @@ export function Status(): JSX.Element {
       {!moving && n.wanted > 0 && (
         <progress max={n.wanted} value={n.samples} aria-label="samples" />
       )}
-    </footer>
+    </div>
   );
 }

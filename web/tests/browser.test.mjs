@@ -182,7 +182,7 @@ test("without a scene there is a choice of scenes, with pictures", {
   try {
     const { page } = await open(server.url);
     await page.waitForFunction(() => document.querySelector(".card img")?.naturalWidth > 0);
-    await page.getByRole("button", { name: "teapot", exact: true }).click();
+    await page.locator(".card strong").getByText("teapot", { exact: true }).click();
     await page.waitForFunction(() => document.title.startsWith("teapot"));
     assert.equal(await page.locator(".gallery").count(), 0);
     await page.close();

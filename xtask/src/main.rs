@@ -5,6 +5,7 @@ mod bits;
 mod fuzz_smoke;
 mod how_tested;
 mod lint;
+mod page;
 mod python;
 mod sanitize;
 mod site;
@@ -22,6 +23,8 @@ const HELP: &str = "cargo xtask COMMAND
   python only the tests of the Python package, in a virtual environment of their own
   web    only the tests of the viewer's page: types, units, and in a real browser
   web-build  build the viewer's page from web/ into crates/viewer/page
+  page [--test]  build the page without a server, target/page, which any server of files can serve;
+         --test runs its tests in a real browser
   lint [--quick]  layout and width of all code, clippy, ruff for Python, Biome for the page, the
          figures of docs/how-it-is-tested.md and, unless --quick, documentation; warnings are errors
   fmt    format everything: Rust, Python and the page
@@ -53,6 +56,7 @@ fn main() -> ExitCode {
         "python" => python::test().unwrap_or(false),
         "web" => web::test().unwrap_or(false),
         "web-build" => web::build(),
+        "page" => page::run(std::env::args().skip(2)),
         "lint" => lint::check(std::env::args().nth(2).as_deref() != Some("--quick")),
         "fmt" => lint::format(),
         "docs" => site::build(std::env::args().skip(2)),

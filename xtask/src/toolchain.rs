@@ -31,10 +31,15 @@ struct Foreign {
     runner_package: &'static str,
     /// Crates of the standard library to be built where it is not installed.
     from_source: &'static str,
+    /// Flags of the compiler.
+    rustflags: &'static str,
 }
 
+/// WASI's C library, which Rust brings only with an installed standard library.
+const WASI_LIBC: &str = "/usr/lib/wasm32-wasi";
+
 /// The targets other than this machine that are known to work.
-const FOREIGN: [Foreign; 3] = [
+const FOREIGN: [Foreign; 4] = [
     Foreign {
         target: "aarch64-unknown-linux-gnu",
         linkers: &["aarch64-linux-gnu-gcc"],
@@ -42,6 +47,7 @@ const FOREIGN: [Foreign; 3] = [
         runner: &["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"],
         runner_package: "qemu-user",
         from_source: "-Zbuild-std=std,panic_unwind",
+        rustflags: "",
     },
     Foreign {
         target: "wasm32-unknown-unknown",
@@ -50,6 +56,17 @@ const FOREIGN: [Foreign; 3] = [
         runner: &["node"],
         runner_package: "nodejs",
         from_source: "-Zbuild-std=std,panic_abort",
+        rustflags: "",
+    },
+    Foreign {
+        target: "wasm32-wasip1",
+        linkers: &["rust-lld", "wasm-ld-22", "wasm-ld"],
+        linker_package: "lld-22",
+        runner: &["node"],
+        runner_package: "nodejs",
+        from_source: "-Zbuild-std=std,panic_abort",
+        // The usual stack of one megabyte is less than that of a thread elsewhere.
+        rustflags: "-Ctarget-feature=+simd128 -Clink-arg=-zstack-size=16777216",
     },
     Foreign {
         target: "x86_64-pc-windows-gnu",
@@ -58,6 +75,7 @@ const FOREIGN: [Foreign; 3] = [
         runner: &["wine"],
         runner_package: "wine64",
         from_source: "-Zbuild-std=std,panic_unwind",
+        rustflags: "",
     },
 ];
 
@@ -139,9 +157,13 @@ impl Toolchain {
             )
         })?;
         let mut toolchain = rust.toolchain(Some(target));
+        let mut rustflags = foreign.rustflags.to_string();
         if built.is_none() {
             toolchain.flags.push(foreign.from_source);
             toolchain.set("RUSTC_BOOTSTRAP", "1");
+            if target.contains("wasi") {
+                rustflags += &with_wasi_libc()?;
+            }
         }
         let found = |name: &&&str| rust.has_linker(name) || is_in_path(name);
         let linker = foreign.linkers.iter().find(found).ok_or_else(|| {
@@ -150,6 +172,9 @@ impl Toolchain {
         })?;
         let variable = target.to_uppercase().replace('-', "_");
         toolchain.set(&format!("CARGO_TARGET_{variable}_LINKER"), linker);
+        if !rustflags.is_empty() {
+            toolchain.set(&format!("CARGO_TARGET_{variable}_RUSTFLAGS"), &rustflags);
+        }
         if !target.starts_with(std::env::consts::ARCH) || !target.contains(std::env::consts::OS) {
             toolchain.runner = foreign.runner.iter().map(|&word| word.into()).collect();
             let runner = foreign.runner.join(" ");
@@ -241,6 +266,16 @@ impl Rust {
             version: self.version.clone(),
         }
     }
+}
+
+/// Flags that link Debian's C library for WASI.
+fn with_wasi_libc() -> Result<String, String> {
+    let start = Path::new(WASI_LIBC).join("crt1-reactor.o");
+    if !start.exists() {
+        return Err("the C library for WASI is not installed: `apt install wasi-libc`".into());
+    }
+    let start = start.display();
+    Ok(format!(" -Clink-self-contained=no -Lnative={WASI_LIBC} -Clink-arg={start}"))
 }
 
 /// The first line that a command prints, or all of them; `None` if it fails.

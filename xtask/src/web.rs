@@ -8,11 +8,11 @@ use std::process::Command;
 /// Files of the built page.
 const PAGE: [&str; 3] = ["index.html", "app.js", "app.css"];
 
-fn root() -> PathBuf {
+pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-fn npm(arguments: &[&str]) -> Command {
+pub fn npm(arguments: &[&str]) -> Command {
     let mut command = Command::new(if cfg!(windows) { "npm.cmd" } else { "npm" });
     command.args(arguments).current_dir(root().join("web"));
     command
@@ -23,7 +23,7 @@ fn runs(program: &str, arguments: &[&str]) -> bool {
 }
 
 /// Installs the build tools of the page, if they have changed. `None` without Node.js.
-fn packages() -> Option<bool> {
+pub fn packages() -> Option<bool> {
     let is_new_enough = "process.exit(Number(process.versions.node.split('.')[0]) < 20 ? 1 : 0)";
     if !runs("node", &["-e", is_new_enough]) || npm(&["--version"]).output().is_err() {
         println!("xtask: Node.js 20 or later with npm is not here");
@@ -89,6 +89,11 @@ fn is_fresh(built: &Path) -> bool {
 }
 
 fn in_browser() -> bool {
+    test_in_browser("browser")
+}
+
+/// Runs a script of `web/package.json` that tests in a browser, with the `snell` of the tests.
+pub fn test_in_browser(script: &str) -> bool {
     let Some(browser) = browser() else {
         eprintln!("xtask: no Chromium or Chrome, and none could be installed; CHROME names one");
         return false;
@@ -97,7 +102,7 @@ fn in_browser() -> bool {
         return false;
     }
     let snell = root().join("target/debug").join(if cfg!(windows) { "snell.exe" } else { "snell" });
-    let mut command = npm(&["run", "--silent", "browser"]);
+    let mut command = npm(&["run", "--silent", script]);
     command.env("CHROME", browser).env("SNELL", snell);
     run("tests of the page in a browser", command)
 }

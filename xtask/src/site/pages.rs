@@ -3,15 +3,23 @@
 
 use super::links::{relative, rewritten};
 use super::pictures::Pictures;
+use crate::page;
 use std::path::Path;
 
 /// Files of the root that are pages of the site, in `project/`.
 const TOP: [&str; 5] =
     ["ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "THIRD_PARTY.md"];
 
-/// Links to a scene of the gallery in the page that needs no server: `None` as long as there is no
-/// such page in the site, else such as `Some("page/?scene=")`.
-const SCENE_PAGE: Option<&str> = None;
+/// The folder of the site with the page that needs no server, if that was built.
+const PAGE: &str = "page";
+
+/// Links to a scene of the gallery in that page.
+const SCENE_PAGE: &str = "page/?scene=";
+
+/// Whether `cargo xtask page` has built the page that needs no server.
+fn has_page() -> bool {
+    Path::new(page::FOLDER).join("index.html").is_file()
+}
 
 /// The sections between these lines are cards of the gallery.
 const GALLERY: [&str; 2] = ["<!-- gallery -->", "<!-- end of the gallery -->"];
@@ -61,6 +69,12 @@ pub fn write(folder: &Path, pictures: &mut Pictures) -> Result<(), String> {
         std::fs::create_dir_all(target.parent().unwrap_or(folder))
             .and_then(|()| std::fs::write(&target, text))
             .map_err(|error| failed(&target, error))?;
+    }
+    if has_page() {
+        copy_folder(Path::new(page::FOLDER), &folder.join(PAGE))
+            .map_err(|error| failed(Path::new(page::FOLDER), error))?;
+    } else {
+        println!("the site has no page without a server: `cargo xtask page` makes it");
     }
     pictures.copy_to(&folder.join("pictures"))
 }
@@ -163,8 +177,8 @@ fn with_pictures(text: &str, place: &str, pictures: &mut Pictures) -> Result<Str
                     scene = command.split(' ').nth(2).unwrap_or_default().to_string();
                 }
                 out += &format!("```sh\n{commands}```\n");
-                if let Some(page) = SCENE_PAGE.filter(|_| is_card && !scene.contains('/')) {
-                    out += &format!("\n[Open it in your browser]({page}{scene})\n");
+                if is_card && !scene.contains('/') && has_page() {
+                    out += &format!("\n[Open it in your browser]({SCENE_PAGE}{scene})\n");
                 }
                 (block, shown) = (None, None);
             }
