@@ -40,12 +40,12 @@ const COLUMNS: [Column; 7] = [
     Column {
         target: "aarch64-unknown-linux-gnu",
         rays: 2,
-        ..Column::native("aarch64", "64-bit ARM in an emulator, portable code", "")
+        ..Column::native("aarch64", "64-bit ARM in an emulator, NEON", "")
     },
     Column {
         target: "wasm32-unknown-unknown",
         rays: 2,
-        ..Column::native("wasm", "WebAssembly (32 bits) in Node.js, portable code; rays only", "")
+        ..Column::native("wasm", "WebAssembly (32 bits) in Node.js, SIMD128; rays only", "")
     },
 ];
 
@@ -129,7 +129,10 @@ impl Column {
         let mut build = toolchain.cargo("build");
         build.args(["--package", "snell-lab", "--example"]);
         build.arg(if is_wasm { "random_rays_wasm" } else { "random_rays" });
-        if !is_wasm {
+        if is_wasm {
+            let flags = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS";
+            build.env(flags, "-Ctarget-feature=+simd128");
+        } else {
             build.args(["--package", "snell", "--bin", "snell"]);
         }
         if self.profile == "release" {
