@@ -56,7 +56,7 @@ const FOREIGN: [Foreign; 4] = [
         runner: &["node"],
         runner_package: "nodejs",
         from_source: "-Zbuild-std=std,panic_abort",
-        rustflags: "",
+        rustflags: "-Ctarget-feature=+simd128",
     },
     Foreign {
         target: "wasm32-wasip1",

@@ -40,12 +40,12 @@ const COLUMNS: [Column; 7] = [
     Column {
         target: "aarch64-unknown-linux-gnu",
         rays: 2,
-        ..Column::native("aarch64", "64-bit ARM in an emulator, portable code", "")
+        ..Column::native("aarch64", "64-bit ARM in an emulator, NEON", "")
     },
     Column {
         target: "wasm32-unknown-unknown",
         rays: 2,
-        ..Column::native("wasm", "WebAssembly (32 bits) in Node.js, portable code; rays only", "")
+        ..Column::native("wasm", "WebAssembly (32 bits) in Node.js, SIMD128; rays only", "")
     },
 ];
 

@@ -29,7 +29,7 @@ fn the_statistics_have_all_their_keys() {
     for key in ["shadow", "indirect"] {
         assert!(s["rays"][key].as_u64().is_some_and(|n| n > 0), "{key}: {}", s["rays"]);
     }
-    assert!(["scalar", "avx2", "avx512"].contains(&s["simd"].as_str().expect("a name")));
+    assert!(["scalar", "vector128", "avx2", "avx512"].contains(&s["simd"].as_str().expect("a name")));
     assert_eq!(hash(&place, "s.json").len(), 64);
 }
 
@@ -107,8 +107,7 @@ fn a_level_that_does_not_exist_is_wrong_usage() {
     let place = Place::new();
     let run =
         place.finish(place.command("render --size 8x8 --spp 1").env("SNELL_SIMD", "sse9"), b"");
-    assert_eq!(
-        (run.code, run.err.as_str()),
-        (2, "error: SNELL_SIMD=sse9 is not a level; use scalar, avx2 or avx512, or unset it\n")
-    );
+    let message = "error: SNELL_SIMD=sse9 is not a level; use scalar, vector128, avx2 or avx512, \
+                   or unset it\n";
+    assert_eq!((run.code, run.err.as_str()), (2, message));
 }

@@ -1,9 +1,7 @@
 //! The inner loops of the builder: sorting boxes into bins, and partitioning them at a plane
 //! between bins.
 
-#[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx2, Avx8, Token};
-use snell_math::simd::{Lanes8, Portable, Portable8, Wide};
+use snell_math::simd::{Lanes8, Portable, Portable8, Token, Wide, Wide8, WideToken};
 use snell_math::{Bounds3, Vec3, Vec4};
 
 /// A box stored as its extents along -x, -y, -z, (nothing), x, y, z, (nothing), so that the union
@@ -200,15 +198,14 @@ pub(crate) fn fill(
     bins: &mut Bins,
 ) {
     match wide {
-        #[cfg(target_arch = "x86_64")]
         Some(wide) => {
-            let token = Avx2::from(wide);
+            let token = WideToken::from(wide);
             token.run(
                 #[inline(always)]
-                move || fill_with::<Avx8>(token, binning, primitives, bins),
+                move || fill_with::<Wide8>(token, binning, primitives, bins),
             );
         }
-        _ => fill_with::<Portable8>(Portable, binning, primitives, bins),
+        None => fill_with::<Portable8>(Portable, binning, primitives, bins),
     }
 }
 
@@ -249,15 +246,14 @@ pub(crate) fn part(
     scratch: &mut [Primitive],
 ) -> Parts {
     match wide {
-        #[cfg(target_arch = "x86_64")]
         Some(wide) => {
-            let token = Avx2::from(wide);
+            let token = WideToken::from(wide);
             token.run(
                 #[inline(always)]
-                move || part_with::<Avx8>(token, binning, plane, primitives, scratch),
+                move || part_with::<Wide8>(token, binning, plane, primitives, scratch),
             )
         }
-        _ => part_with::<Portable8>(Portable, binning, plane, primitives, scratch),
+        None => part_with::<Portable8>(Portable, binning, plane, primitives, scratch),
     }
 }
 

@@ -288,7 +288,7 @@ mod tests {
     use crate::tree::node::ChildRef;
     use crate::tree::node::WideNode;
     use proptest::prelude::*;
-    use snell_math::simd::{Portable, Portable8};
+    use snell_math::simd::{Level, Portable, Portable8, Wide8, WideToken};
     use snell_math::{Bounds3, DRay, Vec3};
 
     /// Zeros of either sign, and small and large numbers.
@@ -342,9 +342,8 @@ mod tests {
             let bounds = Bounds3 { min: exact.min - below.abs(), max: exact.max + above.abs() };
             for cull in [padded(t as f32), f32::INFINITY] {
                 prop_assert_ne!(is_met::<Portable8>(Portable, &ray, &bounds, cull), Some(false));
-                #[cfg(target_arch = "x86_64")]
-                if let Some(token) = snell_math::simd::Avx2::new() {
-                    let is_met = is_met::<snell_math::simd::Avx8>(token, &ray, &bounds, cull);
+                if let Some(wide) = Level::best().wide() {
+                    let is_met = is_met::<Wide8>(WideToken::from(wide), &ray, &bounds, cull);
                     prop_assert_ne!(is_met, Some(false));
                 }
             }

@@ -310,7 +310,7 @@ unsafe fn unpack<L: Lanes8>(
 mod tests {
     use super::*;
     use crate::world::tests::Random;
-    use snell_math::simd::{Portable, Portable8};
+    use snell_math::simd::{Level, Portable, Portable8, Wide8, WideToken};
 
     /// Random blocks of triangles whose corners are chosen from the given number of points.
     fn blocks(random: &mut Random, points: usize) -> Vec<TriangleBlock> {
@@ -357,10 +357,10 @@ mod tests {
                 for lane in (0..8).filter(|&lane| block.ids[lane] != u32::MAX) {
                     assert_eq!(corners(lane), (block.ids[lane], block.corners(lane)));
                 }
-                #[cfg(target_arch = "x86_64")]
-                if let Some(token) = snell_math::simd::Avx2::new() {
+                if let Some(wide) = Level::best().wide() {
+                    let token = WideToken::from(wide);
                     // SAFETY: there is one block.
-                    let again = unsafe { at.block::<snell_math::simd::Avx8>(token, 0, &mut room) };
+                    let again = unsafe { at.block::<Wide8>(token, 0, &mut room) };
                     assert!(is_same(&block, again), "{block:?}");
                 }
             }

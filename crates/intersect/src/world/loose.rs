@@ -129,7 +129,8 @@ impl Loose {
         let middle = part.len() / 2;
         let by_center = |a: &Triangle, b: &Triangle| {
             let center = |t: &Triangle| t.corners[0][axis] + t.corners[1][axis];
-            center(a).total_cmp(&center(b))
+            let key = |t: &Triangle| (t.geometry, t.number);
+            center(a).total_cmp(&center(b)).then_with(|| key(a).cmp(&key(b)))
         };
         part.select_nth_unstable_by(middle, by_center);
         self.build(first, first + middle);

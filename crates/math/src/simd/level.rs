@@ -10,6 +10,9 @@ pub enum Level {
     /// Portable code without special instructions. It is the reference in tests of the other
     /// levels.
     Scalar,
+    /// Registers of four numbers that all machines with the processor have: NEON on AArch64,
+    /// SIMD128 in WebAssembly if the program was compiled with it.
+    Vector128,
     /// AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT (x86-64).
     Avx2,
     /// AVX-512 F, VL, BW, DQ (x86-64).
@@ -18,12 +21,13 @@ pub enum Level {
 
 impl Level {
     /// All levels, from the lowest.
-    pub const ALL: [Self; 3] = [Self::Scalar, Self::Avx2, Self::Avx512];
+    pub const ALL: [Self; 4] = [Self::Scalar, Self::Vector128, Self::Avx2, Self::Avx512];
 
     /// The name used on the command line and in `SNELL_SIMD`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Scalar => "scalar",
+            Self::Vector128 => "vector128",
             Self::Avx2 => "avx2",
             Self::Avx512 => "avx512",
         }
@@ -38,6 +42,10 @@ impl Level {
     pub fn is_supported(self) -> bool {
         match self {
             Self::Scalar => true,
+            Self::Vector128 => cfg!(any(
+                target_arch = "aarch64",
+                all(target_arch = "wasm32", target_feature = "simd128")
+            )),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => Avx2::new().is_some(),
             #[cfg(target_arch = "x86_64")]
@@ -64,7 +72,8 @@ impl Level {
                     Self::best()
                 )),
                 None => Err(format!(
-                    "SNELL_SIMD={name} is not a level; use scalar, avx2 or avx512, or unset it"
+                    "SNELL_SIMD={name} is not a level; use scalar, vector128, avx2 or avx512, or \
+                        unset it"
                 )),
             },
             _ => Ok(Self::best()),

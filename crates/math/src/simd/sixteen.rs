@@ -294,6 +294,7 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
 #[cfg(test)]
 mod tests {
     use super::super::DoubleLanes;
+    use super::super::fours::Fours8;
     use super::super::{Portable, Portable8};
     use super::*;
 
@@ -407,6 +408,7 @@ mod tests {
             let b: [f32; 16] = std::array::from_fn(|k| special[(i / n + 3 * k) % n]);
             let mask = (i * 1237) as u32 & 0xffff;
             let expected = run::<Pair<Portable8>>(Portable, &a, &b, mask);
+            assert_eq!(run::<Pair<Fours8>>(Portable, &a, &b, mask), expected, "{a:?} {b:?}");
             #[cfg(target_arch = "x86_64")]
             {
                 use super::super::{Avx2, Avx8, Avx16, Avx512};

@@ -182,6 +182,7 @@ impl<L: WideLanes> Doubles16 for PairDoubles<L> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::fours::Fours8;
     use super::super::{Portable, Portable8};
     use super::*;
 
@@ -245,6 +246,8 @@ mod tests {
             let b: [f32; 16] = std::array::from_fn(|k| special[(i / n + 3 * k) % n]);
             let mask = (i * 1237) as u32 & 0xffff;
             let expected = run::<PairDoubles<Portable8>>(Portable, &a, &b, mask);
+            let fours = run::<PairDoubles<Fours8>>(Portable, &a, &b, mask);
+            assert_eq!(fours, expected, "{a:?} {b:?}");
             assert_eq!(expected.1, (0..16).fold(0, |m, k| m | u32::from(a[k] < b[k]) << k));
             #[cfg(target_arch = "x86_64")]
             {

@@ -7,7 +7,9 @@
 
 use super::Level;
 #[cfg(target_arch = "x86_64")]
-use super::{Avx2, Avx512};
+use super::{Avx2, Avx8, Avx512};
+#[cfg(not(target_arch = "x86_64"))]
+use super::{Fours8, Portable};
 use glam::Vec3;
 
 /// Proof that the machine has the instructions of a level with wide registers.
@@ -19,6 +21,29 @@ pub enum Wide {
     /// The instructions of [`Level::Avx512`].
     #[cfg(target_arch = "x86_64")]
     Avx512(Avx512),
+    /// The instructions of [`Level::Vector128`].
+    #[cfg(not(target_arch = "x86_64"))]
+    Vector128(Portable),
+}
+
+/// Eight lanes that every machine with wide registers has.
+#[cfg(target_arch = "x86_64")]
+pub type Wide8 = Avx8;
+/// Eight lanes that every machine with wide registers has.
+#[cfg(not(target_arch = "x86_64"))]
+pub type Wide8 = Fours8;
+
+/// The token of [`Wide8`].
+pub type WideToken = <Wide8 as super::Lanes8>::Token;
+
+#[cfg(not(target_arch = "x86_64"))]
+impl From<Wide> for Portable {
+    #[inline(always)]
+    fn from(wide: Wide) -> Self {
+        match wide {
+            Wide::Vector128(token) => token,
+        }
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -43,8 +68,12 @@ impl Level {
             return Some(Wide::Avx512(token));
         }
         #[cfg(target_arch = "x86_64")]
-        if self != Self::Scalar {
+        if self >= Self::Avx2 {
             return Avx2::new().map(Wide::Avx2);
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        if self >= Self::Vector128 && Self::Vector128.is_supported() {
+            return Some(Wide::Vector128(Portable));
         }
         None
     }
@@ -56,7 +85,9 @@ impl Level {
             Some(Wide::Avx512(_)) => Self::Avx512,
             #[cfg(target_arch = "x86_64")]
             Some(Wide::Avx2(_)) => Self::Avx2,
-            _ => Self::Scalar,
+            #[cfg(not(target_arch = "x86_64"))]
+            Some(Wide::Vector128(_)) => Self::Vector128,
+            None => Self::Scalar,
         }
     }
 }

@@ -18,7 +18,7 @@ pub struct Options {
     /// Also build `bvh` compact: less memory, somewhat slower
     #[arg(long)]
     pub compact: bool,
-    /// Instruction sets: scalar, avx2, avx512. Default: the best one of this machine
+    /// Instruction sets: scalar, vector128, avx2, avx512. Default: the best one of this machine
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     simd: Vec<String>,
 }

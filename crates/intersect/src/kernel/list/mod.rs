@@ -33,8 +33,8 @@ use crate::tree::list::{FIRST_OBJECT, List, ListShape, MAX_OBJECTS, Outliers};
 use exact::Found;
 use packet::{Blocked, ListPacket, Nearest, PerRay, RAYS};
 #[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx8, Avx16Doubles, PairDoubles, Token};
-use snell_math::simd::{Doubles16, Lanes8, Lanes16, Wide};
+use snell_math::simd::Avx16Doubles;
+use snell_math::simd::{Doubles16, Lanes8, Lanes16, PairDoubles, Token, Wide, Wide8, WideToken};
 use snell_math::{Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
 
@@ -96,13 +96,17 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
             #[inline(always)]
             move || run::<Avx16Doubles, G>(token, &scene, stack, unresolved, start, finish),
         ),
-        #[cfg(target_arch = "x86_64")]
-        Some(Wide::Avx2(token)) => token.run(
-            #[inline(always)]
-            move || run::<PairDoubles<Avx8>, G>(token, &scene, stack, unresolved, start, finish),
-        ),
+        Some(wide) => {
+            let token = WideToken::from(wide);
+            token.run(
+                #[inline(always)]
+                move || {
+                    run::<PairDoubles<Wide8>, G>(token, &scene, stack, unresolved, start, finish)
+                },
+            )
+        }
         // Without wide registers, a tree is as fast.
-        _ => 0,
+        None => 0,
     }
 }
 

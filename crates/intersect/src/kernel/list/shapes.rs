@@ -159,7 +159,9 @@ mod tests {
     use crate::world::AcceleratorKind;
     use crate::world::WorldBuilder;
     use crate::world::tests::{build, levels};
-    use snell_math::simd::{Level, PairDoubles, Portable, Portable8, Wide};
+    #[cfg(target_arch = "x86_64")]
+    use snell_math::simd::Wide;
+    use snell_math::simd::{Level, PairDoubles, Portable, Portable8, Wide8, WideToken};
     use snell_math::{DAffine3, DVec2};
     use snell_math::{DMat3, DVec3, Ray, Transform, rng};
     use std::sync::Arc;
@@ -204,11 +206,8 @@ mod tests {
             Some(Wide::Avx512(token)) => {
                 meet::<snell_math::simd::Avx16Doubles>(token, list, shape, rays)
             }
-            #[cfg(target_arch = "x86_64")]
-            Some(Wide::Avx2(token)) => {
-                meet::<PairDoubles<snell_math::simd::Avx8>>(token, list, shape, rays)
-            }
-            _ => meet::<PairDoubles<Portable8>>(Portable, list, shape, rays),
+            Some(wide) => meet::<PairDoubles<Wide8>>(WideToken::from(wide), list, shape, rays),
+            None => meet::<PairDoubles<Portable8>>(Portable, list, shape, rays),
         }
     }
 

@@ -41,8 +41,8 @@ use exact::Found;
 use frustum::RAYS;
 pub(crate) use precision::PacketTests;
 #[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx8, Avx16, Pair, Token};
-use snell_math::simd::{Lanes8, Lanes16, Portable, Portable8, Wide};
+use snell_math::simd::Avx16;
+use snell_math::simd::{Lanes8, Lanes16, Pair, Portable, Portable8, Token, Wide, Wide8, WideToken};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 use trial::{Detail, Trial};
@@ -90,13 +90,15 @@ pub(crate) fn search_runs<G: Goal>(
             #[inline(always)]
             move || run::<Avx16, G>(token, forest, batch, &mut stacks, start, answers),
         ),
-        #[cfg(target_arch = "x86_64")]
-        Some(Wide::Avx2(token)) => token.run(
-            #[inline(always)]
-            move || run::<Pair<Avx8>, G>(token, forest, batch, &mut stacks, start, answers),
-        ),
+        Some(wide) => {
+            let token = WideToken::from(wide);
+            token.run(
+                #[inline(always)]
+                move || run::<Pair<Wide8>, G>(token, forest, batch, &mut stacks, start, answers),
+            )
+        }
         // Without wide registers, single rays are as fast.
-        _ => std::iter::once(0..batch.rays.len()).collect(),
+        None => std::iter::once(0..batch.rays.len()).collect(),
     }
 }
 

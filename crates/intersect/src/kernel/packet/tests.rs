@@ -25,8 +25,8 @@ use crate::world::tests::{build, check, lattice_point, levels, nested_scene};
 use crate::world::{BuildOptions, GeometryId, WorldBuilder};
 use proptest::prelude::*;
 #[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx2, Avx8, Avx16, Avx512, Token};
-use snell_math::simd::{Lanes16, Level, Pair, Portable, Portable8, Wide};
+use snell_math::simd::{Avx16, Avx512, Wide};
+use snell_math::simd::{Lanes16, Level, Pair, Portable, Portable8, Token, Wide8, WideToken};
 use snell_math::{Bounds3, Bounds3d, DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
@@ -255,11 +255,11 @@ proptest! {
         let mut packet = Packet::NONE;
         if is_packet(&mut packet, &rays) {
             check_block::<Pair<Portable8>>(Portable, &packet, &block, &rays)?;
-            #[cfg(target_arch = "x86_64")]
-            if let Some(token) = Avx2::new() {
+            if let Some(wide) = Level::best().wide() {
+                let token = WideToken::from(wide);
                 token.run(
                     #[inline(always)]
-                    || check_block::<Pair<Avx8>>(token, &packet, &block, &rays),
+                    || check_block::<Pair<Wide8>>(token, &packet, &block, &rays),
                 )?;
             }
             #[cfg(target_arch = "x86_64")]
@@ -682,9 +682,8 @@ fn rays_in_lanes_are_mapped_to_the_bits_of_rays_one_by_one() {
             let found = match level.wide() {
                 #[cfg(target_arch = "x86_64")]
                 Some(Wide::Avx512(token)) => in_lanes::<Avx16>(token, &rays, &map, &frame),
-                #[cfg(target_arch = "x86_64")]
-                Some(Wide::Avx2(token)) => in_lanes::<Pair<Avx8>>(token, &rays, &map, &frame),
-                _ => in_lanes::<Pair<Portable8>>(Portable, &rays, &map, &frame),
+                Some(wide) => in_lanes::<Pair<Wide8>>(WideToken::from(wide), &rays, &map, &frame),
+                None => in_lanes::<Pair<Portable8>>(Portable, &rays, &map, &frame),
             };
             assert_eq!(found, expected, "{level}");
         }

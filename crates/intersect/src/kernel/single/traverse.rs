@@ -14,9 +14,7 @@ use crate::search::region::Region;
 use crate::tree::SMALL_STACK;
 use crate::tree::node::ChildRef;
 use crate::tree::{Forest, GroupTree};
-#[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx2, Avx8};
-use snell_math::simd::{Lanes8, Portable, Portable8, Token, Wide};
+use snell_math::simd::{Lanes8, Portable, Portable8, Token, Wide, Wide8, WideToken};
 use snell_math::{DRay, DVec3};
 use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
@@ -51,15 +49,14 @@ pub(crate) fn search_forest<G: Goal>(
     search: &mut Search<'_, G>,
 ) {
     match wide {
-        #[cfg(target_arch = "x86_64")]
         Some(wide) => {
-            let token = Avx2::from(wide);
+            let token = WideToken::from(wide);
             token.run(
                 #[inline(always)]
-                move || search_root::<Avx8, G>(token, forest, search),
+                move || search_root::<Wide8, G>(token, forest, search),
             );
         }
-        _ => Portable.run(
+        None => Portable.run(
             #[inline(always)]
             move || search_root::<Portable8, G>(Portable, forest, search),
         ),

@@ -18,9 +18,7 @@ use crate::tree::Forest;
 use crate::tree::SMALL_STACK;
 use crate::tree::may_search;
 use crate::tree::node::ChildRef;
-#[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx2, Avx8, Token};
-use snell_math::simd::{Lanes8, Level, Portable, Portable8, Wide};
+use snell_math::simd::{Lanes8, Level, Portable, Portable8, Token, Wide, Wide8, WideToken};
 use std::mem::MaybeUninit;
 
 /// The largest number of rays in flight. When [`SHARED_RAYS`] of them have finished, others start.
@@ -112,16 +110,15 @@ pub(crate) fn search_batch<G: Goal>(
 ) {
     debug_assert!(is_suitable(forest, batch.rays.len()) || batch.unresolved.is_some());
     match wide {
-        #[cfg(target_arch = "x86_64")]
         Some(wide) => {
-            let token = Avx2::from(wide);
+            let token = WideToken::from(wide);
             token.run(
                 #[inline(always)]
-                move || run::<Avx8, G>(token, forest, Some(wide), batch, start, answers),
+                move || run::<Wide8, G>(token, forest, Some(wide), batch, start, answers),
             );
         }
         // (Without registers of many lanes, rays are as fast one by one.)
-        _ => run::<Portable8, G>(Portable, forest, None, batch, start, answers),
+        None => run::<Portable8, G>(Portable, forest, None, batch, start, answers),
     }
 }
 

@@ -21,8 +21,8 @@ use crate::kernel::Goal;
 use crate::kernel::columns::columns;
 use crate::tree::node::{ChildRef, WideNode};
 #[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx8, Avx16, Pair};
-use snell_math::simd::{Lanes8, Lanes16, Token, Wide, WideLanes};
+use snell_math::simd::Avx16;
+use snell_math::simd::{Lanes8, Lanes16, Pair, Token, Wide, Wide8, WideLanes, WideToken};
 use std::array::from_fn;
 use std::mem::MaybeUninit;
 
@@ -61,22 +61,23 @@ const MAX_MARGIN: f32 = 1.0e20;
 /// # Safety
 /// There must be one to [`SHARED_RAYS`] walks, which have [started](Walk::start) at the same
 /// reference and made no step.
-#[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
 #[inline(always)]
 pub(super) unsafe fn shared_start<G: Goal>(wide: Wide, walks: &mut [Walk<G>]) -> u32 {
     match wide {
-        #[cfg(target_arch = "x86_64")]
-        Wide::Avx2(token) => token.run(
-            #[inline(always)]
-            // SAFETY: these are the walks of the caller, who promises the same of them.
-            move || unsafe { shared_start_with::<Pair<Avx8>, G>(token, walks) },
-        ),
         #[cfg(target_arch = "x86_64")]
         Wide::Avx512(token) => token.run(
             #[inline(always)]
             // SAFETY: these are the walks of the caller, who promises the same of them.
             move || unsafe { shared_start_with::<Avx16, G>(token, walks) },
         ),
+        wide => {
+            let token = WideToken::from(wide);
+            token.run(
+                #[inline(always)]
+                // SAFETY: these are the walks of the caller, who promises the same of them.
+                move || unsafe { shared_start_with::<Pair<Wide8>, G>(token, walks) },
+            )
+        }
     }
 }
 

@@ -19,6 +19,7 @@ use super::{MOST_ROOT_F0, MicrofacetShape, Microfacets, Widths};
 use snell_math::Vec3;
 use snell_math::real;
 use std::f32::consts::SQRT_2;
+use std::sync::LazyLock;
 
 /// Nodes in the root of the larger width, which is at most [`SQRT_2`] in all materials.
 pub(super) const WIDTHS: usize = 13;
@@ -41,14 +42,57 @@ const LEAST_RATIO: f32 = 5e-4;
 /// Numbers in a table for one index of refraction.
 const PLANE: usize = WIDTHS * RATIOS * CELL;
 
-/// Numbers of 16 bits, little-endian, as in [`super::NUMBERS`]: the loss of facets that reflect
-/// everything, of both distributions, and the three tables of dielectrics.
-static BYTES: &[u8; 2 * PLANE * (2 + 3 * INDICES)] = include_bytes!("anisotropic.bin");
+/// Numbers of all tables.
+const COUNT: usize = PLANE * (2 + 3 * INDICES);
 
-/// A number as a share.
-#[inline(always)]
-fn share(at: usize) -> f32 {
-    f32::from(u16::from_le_bytes([BYTES[2 * at], BYTES[2 * at + 1]])) * (1.0 / 65535.0)
+/// The tables, packed: see [`pack`].
+static PACKED: &[u8; 2 * COUNT] = include_bytes!("anisotropic.bin");
+
+/// Numbers of 16 bits, as in [`super::NUMBERS`]: the loss of facets that reflect everything, of both
+/// distributions, and the three tables of dielectrics.
+static NUMBERS: LazyLock<Vec<u16>> = LazyLock::new(|| unpack(PACKED));
+
+/// Calls a function for each row of numbers that [`pack`] stores as differences, with the distance
+/// of its neighbours: along the indices, the directions, and the azimuths.
+fn for_rows(numbers: &mut [u16], function: fn(&mut [u16], usize)) {
+    let (facets, dielectrics) = numbers.split_at_mut(2 * PLANE);
+    for (tables, indices) in [(facets, 1), (dielectrics, INDICES)] {
+        for cell in tables.chunks_exact_mut(CELL * indices) {
+            let (albedos, mean) = cell.split_at_mut((CELL - 1) * indices);
+            function(mean, 1);
+            albedos.chunks_exact_mut(indices).for_each(|row| function(row, 1));
+            let rows = albedos.chunks_exact_mut(STEEPNESSES * indices);
+            rows.for_each(|row| function(row, indices));
+            function(albedos, STEEPNESSES * indices);
+        }
+    }
+}
+
+/// The bytes of `anisotropic.bin`, which compress to half of what the numbers do: differences of
+/// neighbours, their signs as the last bits, and the low bytes of all before the high ones.
+#[cfg(test)]
+pub(super) fn pack(mut numbers: Vec<u16>) -> Vec<u8> {
+    for_rows(&mut numbers, |row, stride| {
+        for i in (stride..row.len()).rev() {
+            row[i] = row[i].wrapping_sub(row[i - stride]);
+        }
+    });
+    let zigzag = |x: &u16| (x << 1) ^ ((*x as i16) >> 15) as u16;
+    let low = numbers.iter().map(|x| zigzag(x) as u8);
+    low.chain(numbers.iter().map(|x| (zigzag(x) >> 8) as u8)).collect()
+}
+
+/// The inverse of [`pack`].
+fn unpack(bytes: &[u8]) -> Vec<u16> {
+    let (low, high) = bytes.split_at(bytes.len() / 2);
+    let zigzag = low.iter().zip(high).map(|(&low, &high)| u16::from_le_bytes([low, high]));
+    let mut numbers: Vec<_> = zigzag.map(|x| (x >> 1) ^ (x & 1).wrapping_neg()).collect();
+    for_rows(&mut numbers, |row, stride| {
+        for i in stride..row.len() {
+            row[i] = row[i].wrapping_add(row[i - stride]);
+        }
+    });
+    numbers
 }
 
 /// The larger width at a node.
@@ -174,6 +218,8 @@ impl Anisotropic {
     fn number(&self, number: usize, decode: impl Fn(f32) -> f32) -> f32 {
         let at = self.start + number * self.indices;
         let used = self.indices.min(4);
+        let numbers = &**NUMBERS;
+        let share = |at: usize| f32::from(numbers[at]) * (1.0 / 65535.0);
         let mut sum = 0.0;
         for (i, by_width) in self.by_width.iter().enumerate() {
             for (k, by_ratio) in self.by_ratio.iter().enumerate() {
@@ -207,5 +253,17 @@ impl Anisotropic {
     /// The mean over directions weighted by the cosine.
     pub(super) fn average(&self) -> f32 {
         self.reference * self.number(CELL - 1, |x| real::exp(x * DEEPEST))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{COUNT, pack, unpack};
+    use snell_math::rng::hash32;
+
+    #[test]
+    fn unpacking_undoes_packing() {
+        let numbers: Vec<_> = (0..COUNT as u32).map(|i| hash32(i) as u16).collect();
+        assert_eq!(unpack(&pack(numbers.clone())), numbers);
     }
 }

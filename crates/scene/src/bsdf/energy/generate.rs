@@ -326,7 +326,7 @@ fn write_anisotropic_tables() {
     let iors: Vec<_> = (0..anisotropic::INDICES).map(anisotropic_ior_at).collect();
     let ggx = all_cells(MicrofacetShape::Ggx, &iors);
     let beckmann = all_cells(MicrofacetShape::Beckmann, &[1.5]);
-    let mut bytes = Vec::new();
+    let mut numbers = Vec::new();
     let mut write = |table: &[Vec<[Vec<f64>; 4]>], quantity: usize, indices: usize| {
         for cell in table {
             for number in 0..CELL {
@@ -334,7 +334,7 @@ fn write_anisotropic_tables() {
                     let x = plane[quantity][number];
                     let is_mean = number == CELL - 1;
                     let x = if is_mean { x.ln() / f64::from(DEEPEST) } else { x };
-                    bytes.extend(((x.clamp(0.0, 1.0) * 65535.0).round() as u16).to_le_bytes());
+                    numbers.push((x.clamp(0.0, 1.0) * 65535.0).round() as u16);
                 }
             }
         }
@@ -344,8 +344,8 @@ fn write_anisotropic_tables() {
     for quantity in 1..4 {
         write(&ggx, quantity, anisotropic::INDICES);
     }
-    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/energy/anisotropic.bin"), bytes)
-        .expect("writes the tables");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/energy/anisotropic.bin");
+    std::fs::write(path, anisotropic::pack(numbers)).expect("writes the tables");
 }
 
 fn agree_with_fine_integrals(shape: MicrofacetShape) {

@@ -168,7 +168,7 @@ mod tests {
     use crate::exact::triangle::{exact_hit, exact_hit_on};
     use proptest::prelude::*;
     use snell_math::DRay;
-    use snell_math::simd::{Portable, Portable8};
+    use snell_math::simd::{Level, Portable, Portable8, Wide8, WideToken};
 
     fn ray(o: [f32; 3], d: [f32; 3]) -> LocalRay {
         LocalRay::new(&DRay::new(wide(o), wide(d)))
@@ -176,9 +176,8 @@ mod tests {
 
     fn lines_through_at_all_levels(block: &TriangleBlock, ray: &PreparedRay) -> Vec<u32> {
         let mut all = vec![lines_through::<Portable8>(Portable, block, ray)];
-        #[cfg(target_arch = "x86_64")]
-        if let Some(token) = snell_math::simd::Avx2::new() {
-            all.push(lines_through::<snell_math::simd::Avx8>(token, block, ray));
+        if let Some(wide) = Level::best().wide() {
+            all.push(lines_through::<Wide8>(WideToken::from(wide), block, ray));
         }
         all
     }

@@ -130,11 +130,11 @@ fn every_ray_keeps_all_that_it_meets() {
         let world = world_of(mesh, Level::Scalar);
         moved += look::<Pair<Portable8>>(Portable, &world, &rays);
         count += rays.len();
-        #[cfg(target_arch = "x86_64")]
         for level in levels() {
             match level.wide() {
-                Some(Wide::Avx2(token)) => drop(look::<Pair<Avx8>>(token, &world, &rays)),
+                #[cfg(target_arch = "x86_64")]
                 Some(Wide::Avx512(token)) => drop(look::<Avx16>(token, &world, &rays)),
+                Some(wide) => drop(look::<Pair<Wide8>>(WideToken::from(wide), &world, &rays)),
                 None => {}
             }
         }
