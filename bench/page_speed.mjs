@@ -153,8 +153,9 @@ for (const named of [...SCENES, "waves.glb"]) {
   const seconds = Number.parseFloat(found(/^[0-9.]+ s$/));
   const size = found(/×/).split("×").map(Number);
   const samples = (size[0] * size[1] * SPP) / 1e6;
+  const later = (first - loaded).toFixed(0);
   console.log(
-    `${name.padEnd(12)} ${loaded.toFixed(0).padStart(5)} ms ${(first - loaded).toFixed(0)} ms later` +
+    `${name.padEnd(12)} ${loaded.toFixed(0).padStart(5)} ms ${later} ms later` +
       `   ${rate.toFixed(1)}, ${Math.round(scale * 100)} %, ${latency.toFixed(0)} ms` +
       `   ${(samples / seconds).toFixed(3)} million samples/s (${seconds} s)`,
   );
