@@ -2,7 +2,7 @@
 //! WebAssembly.
 
 use crate::toolchain::Toolchain;
-use crate::{run as succeeds, web};
+use crate::{run as succeeds, run_quietly, web};
 use std::path::{Path, PathBuf};
 
 const TARGET: &str = "wasm32-wasip1";
@@ -55,7 +55,9 @@ fn program() -> Result<PathBuf, String> {
     let mut build = toolchain.cargo("rustc");
     build.args(["--package", "snell-wasm", "--lib", "--crate-type", "cdylib"]);
     build.args(["--profile", "page"]).current_dir(web::root());
-    if !succeeds("build of the renderer for the page", build) {
+    println!("building the renderer, which takes some minutes from nothing");
+    // Much of what other processors have is unused there, and the compiler warns of it at length.
+    if !run_quietly("build of the renderer for the page", build) {
         return Err(String::new());
     }
     let built = web::root().join(toolchain.artifacts("page")).join("snell_wasm.wasm");

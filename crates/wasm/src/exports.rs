@@ -1,6 +1,6 @@
 //! The functions that the worker of the page calls. Texts and bytes are passed in the memory of the
-//! module: the worker allocates with [`snell_allocate`], and what is passed to a function belongs to
-//! it from then on. What a function returns is read at [`snell_out`], until the next call.
+//! module: the worker allocates with [`snell_allocate`], and what is passed to a function belongs
+//! to it from then on. What a function returns is read at [`snell_out`], until the next call.
 
 use crate::{Page, Said};
 use std::cell::RefCell;
@@ -121,7 +121,7 @@ pub extern "C" fn snell_step(milliseconds: f64) -> f64 {
 #[unsafe(no_mangle)]
 pub extern "C" fn snell_next() -> u32 {
     with(|state| {
-        let (kind, bytes) = match state.page.as_mut().and_then(Page::next) {
+        let (kind, bytes) = match state.page.as_mut().and_then(Page::take) {
             None => (0, Vec::new()),
             Some(Said::Text(bytes)) => (1, bytes),
             Some(Said::Frame(bytes)) => (2, bytes),

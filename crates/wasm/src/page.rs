@@ -68,7 +68,7 @@ impl Page {
     }
 
     /// What is said next, if anything is.
-    pub fn next(&mut self) -> Option<Said> {
+    pub fn take(&mut self) -> Option<Said> {
         if self.waiting.is_empty() {
             self.waiting.extend(self.view.take());
         }
@@ -93,7 +93,7 @@ mod tests {
         let (mut texts, mut frames) = (0, 0);
         loop {
             let wait = page.step(5.0);
-            while let Some(said) = page.next() {
+            while let Some(said) = page.take() {
                 match said {
                     Said::Text(_) => texts += 1,
                     Said::Frame(bytes) => {

@@ -61,6 +61,8 @@ function connect(): Line {
     own.terminate();
     worker = null;
     state.value = `The renderer has stopped: ${message}. It starts again …`;
+    // What never ran may have been loaded wrongly.
+    if (line.readyState === WebSocket.CONNECTING) program = null;
     line.readyState = WebSocket.CLOSED;
     for (const { fail } of waiting.values()) fail(new Error(message));
     waiting.clear();
@@ -82,11 +84,7 @@ function connect(): Line {
   own.onerror = (event) => close(event.message || "its program could not be read");
   loaded().then(
     (bytes) => own.postMessage({ type: "start", program: bytes, opening } satisfies ToWorker),
-    (error: Error) => {
-      // The next try loads it again.
-      program = null;
-      close(error.message);
-    },
+    (error: Error) => close(error.message),
   );
   return line;
 }

@@ -39,7 +39,8 @@ export class Program {
   static async of(module: ArrayBuffer): Promise<Program> {
     const tell = ConsoleStdout.lineBuffered((line) => console.warn(line));
     const root = new PreopenDirectory("/", new Map([["tmp", new Directory(new Map())]]));
-    const wasi = new WASI(["snell"], [], [new OpenFile(new File([])), tell, tell, root]);
+    const files = [new OpenFile(new File([])), tell, tell, root];
+    const wasi = new WASI(["snell"], [], files, { debug: false });
     const imports = { wasi_snapshot_preview1: wasi.wasiImport };
     const { instance } = await WebAssembly.instantiate(module, imports as WebAssembly.Imports);
     const exports = instance.exports as unknown as Exports;

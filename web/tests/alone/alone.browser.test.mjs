@@ -137,6 +137,26 @@ test("a copied link shows the same view again", LIMIT, () =>
   ),
 );
 
+test("a program that cannot be loaded is named, and loaded as soon as it can be", LIMIT, () =>
+  onAlone(
+    `#scene=spheres${SPP}`,
+    async (page) => {
+      let answer = { status: 404 };
+      await page.route("**/snell.wasm.gz*", (route) =>
+        answer ? route.fulfill(answer) : route.continue(),
+      );
+      await page.reload();
+      await page.locator(".lost", { hasText: "answers 404" }).waitFor();
+      answer = { body: "no program" };
+      await page.locator(".lost", { hasText: "a fault in the renderer" }).waitFor();
+      answer = null;
+      await page.waitForSelector("canvas[data-frame]");
+      assert.equal(await page.locator(".lost").count(), 0);
+    },
+    { viewport: SMALL },
+  ),
+);
+
 test("without a link scenes are offered, with their pictures", LIMIT, () =>
   onAlone("", async (page) => {
     await page.locator(".card").first().waitFor();

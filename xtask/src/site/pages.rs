@@ -14,7 +14,7 @@ const TOP: [&str; 5] =
 const PAGE: &str = "page";
 
 /// Links to a scene of the gallery in that page.
-const SCENE_PAGE: &str = "page/?scene=";
+const SCENE_PAGE: &str = "page/index.html?scene=";
 
 /// Whether `cargo xtask page` has built the page that needs no server.
 fn has_page() -> bool {
