@@ -47,6 +47,9 @@ use std::ptr::NonNull;
 #[repr(C)]
 struct Place {
     nodes: *const WideNode,
+    /// Places `ray` as on machines with pointers of 64 bits: see [`Walk::rows`].
+    #[cfg(target_pointer_width = "32")]
+    unused: u32,
     ray: PreparedRay,
     /// The number of the group.
     group: u32,
@@ -64,6 +67,8 @@ impl Place {
     const UNSET: Self = Self {
         ray: PreparedRay::UNSET,
         nodes: std::ptr::null(),
+        #[cfg(target_pointer_width = "32")]
+        unused: 0,
         stride: 0,
         blocks: std::ptr::null(),
         origin: DVec3::ZERO,
