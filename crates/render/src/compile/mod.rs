@@ -7,6 +7,7 @@
 //! moves becomes a group too, so that the frames of an animation share most structures.
 
 mod camera_filter;
+pub(crate) mod casters;
 mod crowds;
 pub(crate) mod floor;
 mod lights;
@@ -20,6 +21,7 @@ pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
+use casters::Casters;
 use floor::Floor;
 use lights::LightTable;
 use snell_intersect::{
@@ -33,7 +35,7 @@ use snell_scene::{
     ShadowCatcher, TextureSet, Warning,
 };
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use surfaces::SurfaceTable;
 
 /// The reason why a scene could not be compiled.
@@ -102,6 +104,8 @@ pub struct CompiledScene {
     lights: LightTable,
     /// The light samplers that were built so far.
     light_samplers: Mutex<Vec<(LightSamplerKind, LightStrategy, Arc<LightSampler>)>>,
+    /// The surfaces that cast caustics, found at first use.
+    casters: OnceLock<Casters>,
 }
 
 /// The parts of a compiled scene that take long to build.
@@ -246,6 +250,7 @@ impl CompiledScene {
             surfaces,
             lights,
             light_samplers: Mutex::default(),
+            casters: OnceLock::new(),
         })
     }
 
@@ -311,6 +316,16 @@ impl CompiledScene {
     /// The light of a medium; `None` if it does not emit or cannot be sampled.
     pub fn light_of_medium(&self, medium: MediumId) -> Option<usize> {
         self.lights.of_medium(medium)
+    }
+
+    /// The approximate power of a light in W.
+    pub(crate) fn light_power(&self, light: usize) -> f64 {
+        self.lights.powers[light]
+    }
+
+    /// The surfaces that cast caustics.
+    pub(crate) fn casters(&self) -> &Casters {
+        self.casters.get_or_init(|| Casters::new(self))
     }
 
     /// The position of the environment among the lights.
