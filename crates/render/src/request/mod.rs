@@ -167,7 +167,7 @@ settings! {
         /// Photons for each 16 samples of a pixel (`caustics`). A million take up to 32 MB.
         #[setting(
             Light, "N", "int", range Range::Within(1.0, Request::MAX_PHOTONS as f64),
-            default "as many as the picture has pixels, from 65536 to 2097152"; live
+            default "twice as many as the picture has pixels, from 131072 to 4194304"; live
         )]
         pub photons: u32,
         /// Clamp light after two or more bounces to this radiance, which removes fireflies but

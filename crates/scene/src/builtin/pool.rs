@@ -115,7 +115,7 @@ pub fn scene() -> Scene {
         ..Material::new("water", Dielectric::smooth(1.333))
     });
     let sun = scene
-        .add_material(Material::new("sun", Black {}).emitting(Rgb::new(3.2e5, 2.9e5, 2.4e5)));
+        .add_material(Material::new("sun", Black {}).emitting(Rgb::new(1.0e5, 0.9e5, 0.75e5)));
     let mut add =
         |name: &str, surfaces| scene.add_child(scene.root, Node { surfaces, ..Node::named(name) });
     add("floor", vec![quads(

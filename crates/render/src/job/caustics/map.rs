@@ -1,7 +1,7 @@
 //! A photon map: where photons of one pass ended, in a hash grid.
 
 use crate::integrator::light_part::LightSource;
-use snell_math::{SampledSpectrum, Vec3, rng};
+use snell_math::{Bounds3, SampledSpectrum, Vec3, rng};
 
 /// A photon at the surface where it ended.
 #[derive(Clone, Copy, Debug)]
@@ -55,11 +55,19 @@ pub struct PhotonMap {
     sources: Vec<LightSource>,
     /// The first photon of each bucket, and the number of photons at the end.
     starts: Vec<u32>,
+    /// A bit for every cell, by its hash: set if photons may be within the radius of some point of
+    /// the cell. Most points of most scenes are in cells without.
+    touched: Vec<u64>,
+    /// A box that holds all points within the radius of some photon.
+    bounds: Bounds3,
     /// The radius within which photons are gathered.
     pub radius: f32,
     /// 1 over the side of a cell.
     scale: f32,
 }
+
+/// Bits of [`PhotonMap::touched`] for each photon, each of which touches eight cells at most.
+const BITS: usize = 32;
 
 /// Steps of a number in `[0, 1)` that is kept in 16 bits.
 const STEPS: f32 = 65536.0;
@@ -70,11 +78,23 @@ impl PhotonMap {
     /// The map of these photons, in this order, for gathering within a radius.
     pub fn new(landed: &[Landed], radius: f32, kept: Kept) -> Self {
         let buckets = landed.len().next_power_of_two().max(64);
+        let bits = (landed.len() * BITS).next_power_of_two().max(64);
         let mut map = Self { radius, scale: 0.5 / radius, ..Self::default() };
         let bucket_of: Vec<u32> = landed
             .iter()
-            .map(|photon| bucket((photon.position * map.scale).floor(), buckets) as u32)
+            .map(|photon| bucket(cell(photon.position * map.scale), buckets) as u32)
             .collect();
+        let all = Bounds3::of(landed.iter().map(|photon| photon.position));
+        let margin = Vec3::splat(1.001 * radius);
+        map.bounds = Bounds3 { min: all.min - margin, max: all.max + margin };
+        map.touched = vec![0; bits / 64];
+        for photon in landed {
+            let first = cell(photon.position * map.scale - 0.5);
+            for corner in 0..8 {
+                let bit = bucket(beside(first, corner), bits);
+                map.touched[bit / 64] |= 1 << (bit % 64);
+            }
+        }
         map.starts = vec![0; buckets + 1];
         for &bucket in &bucket_of {
             map.starts[bucket as usize + 1] += 1;
@@ -115,21 +135,32 @@ impl PhotonMap {
             + (self.hues.len() + self.times.len()) * size_of::<u16>()
             + self.sources.len() * size_of::<LightSource>()
             + self.starts.len() * size_of::<u32>()
+            + self.touched.len() * size_of::<u64>()
+    }
+
+    /// False if there are no photons within the radius of a point. Most points of most scenes are
+    /// sorted out here.
+    #[inline]
+    pub fn may_be_near(&self, point: Vec3) -> bool {
+        if self.photons.is_empty() || !self.bounds.contains(point) {
+            return false;
+        }
+        let bit = bucket(cell(point * self.scale), self.touched.len() * 64);
+        self.touched[bit / 64] >> (bit % 64) & 1 != 0
     }
 
     /// The ranges of photons of the buckets that hold all photons within the radius of a point, and
     /// others. No photon is in two of them.
     pub fn near(&self, point: Vec3) -> Nearby {
         let mut ranges = [[0; 2]; 8];
-        if self.photons.is_empty() || !point.is_finite() {
+        if !self.may_be_near(point) {
             return Nearby { ranges, count: 0 };
         }
         let buckets = self.starts.len() - 1;
-        let first = (point * self.scale - 0.5).floor();
+        let first = cell(point * self.scale - 0.5);
         let mut count = 0;
         for corner in 0..8u8 {
-            let step = |bit: u8| f32::from(corner >> bit & 1);
-            let bucket = bucket(first + Vec3::new(step(0), step(1), step(2)), buckets);
+            let bucket = bucket(beside(first, corner), buckets);
             let range = [self.starts[bucket], self.starts[bucket + 1]];
             // Two cells may share a bucket.
             if range[0] < range[1] && !ranges[..count].contains(&range) {
@@ -233,10 +264,27 @@ fn unfolded(bits: [u32; 2]) -> Vec3 {
     Vec3::new(inward(x), inward(y), z).normalize_or(Vec3::Z)
 }
 
+/// The cell that holds a point, in units of cells.
+#[inline]
+fn cell(point: Vec3) -> [i32; 3] {
+    // (Rounded down without a call of a function.)
+    point.to_array().map(|x| (x as i32).wrapping_sub(i32::from(x < x as i32 as f32)))
+}
+
+/// A cell of a block of eight, by its number; 0 is the first.
+#[inline]
+fn beside(first: [i32; 3], corner: u8) -> [i32; 3] {
+    let step = |axis: usize| i32::from(corner >> axis & 1);
+    [0, 1, 2].map(|axis| first[axis].wrapping_add(step(axis)))
+}
+
 /// The bucket of a cell.
-fn bucket(cell: Vec3, buckets: usize) -> usize {
-    let [x, y, z] = cell.to_array().map(|x| x as i32 as u32);
-    rng::hash_combine(rng::hash_combine(x, y), z) as usize & (buckets - 1)
+#[inline]
+fn bucket([x, y, z]: [i32; 3], buckets: usize) -> usize {
+    let mixed = (x as u32).wrapping_mul(0x9e37_79b1)
+        ^ (y as u32).wrapping_mul(0x85eb_ca77)
+        ^ (z as u32).wrapping_mul(0xc2b2_ae3d);
+    rng::hash32(mixed) as usize & (buckets - 1)
 }
 
 #[cfg(test)]

@@ -34,9 +34,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The numbers of photons of a pass that are shot unless the user says how many: one for each pixel
-/// of the picture, within these limits.
-const PHOTONS: [u32; 2] = [1 << 16, 1 << 21];
+/// The number of photons of a pass that are shot for each pixel of the picture unless the user says
+/// how many, and the limits of all.
+const OF_PIXEL: u64 = 2;
+const PHOTONS: [u64; 2] = [1 << 17, 1 << 22];
 /// Photons that are shot at a time by one thread.
 const BATCH: u32 = 1 << 12;
 /// Photons of the first look at a scene.
@@ -44,7 +45,7 @@ const SCOUTS: u32 = 1 << 14;
 /// The number of the pass that these are.
 const FIRST_LOOK: u32 = u32::MAX;
 /// Photons within the first radius, where there are as many as at most landed photons.
-const NEIGHBORS: f32 = 24.0;
+const NEIGHBORS: f32 = 12.0;
 /// Neighbours by which the density of the scouts is measured, and the number of scouts for which
 /// this is done.
 const MEASURED: usize = 8;
@@ -140,8 +141,8 @@ impl<'a> Caustics<'a> {
             return None;
         }
         let pixels = settings.size.iter().map(|&side| u64::from(side)).product::<u64>();
-        let [least, most] = PHOTONS.map(u64::from);
-        let count = settings.photons.unwrap_or(pixels.clamp(least, most) as u32).max(1);
+        let usual = (OF_PIXEL * pixels).clamp(PHOTONS[0], PHOTONS[1]) as u32;
+        let count = settings.photons.unwrap_or(usual).max(1);
         let kept = Kept {
             hues: settings.color == ColorModel::Spectral,
             times: scene.moves,

@@ -12,7 +12,7 @@ use snell_intersect::SurfaceInteraction;
 use snell_math::spectrum::LANES as COLORS;
 use snell_math::{SampledSpectrum, Vec3};
 use snell_scene::material::ShadingBsdf;
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 use std::sync::Arc;
 
 /// How far from the tangent plane photons are gathered, in radii.
@@ -27,14 +27,27 @@ pub struct Gathering<'a> {
     map: Option<(Arc<PhotonMap>, Windows)>,
     /// True if photons are gathered at all.
     gathers: bool,
-    /// The number of photons that were gathered.
-    pub gathered: u64,
+    /// What each path has arrived at.
+    arrivals: Vec<Arrival>,
+}
+
+/// What a path has arrived at, as far as photons are concerned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Arrival {
+    /// No surface.
+    Nowhere,
+    /// A caster.
+    Caster,
+    /// Another surface, without photons nearby.
+    Receiver,
+    /// Another surface, perhaps with photons nearby.
+    NearPhotons,
 }
 
 impl<'a> Gathering<'a> {
     /// For renders of the picture.
     pub fn new(technique: &'a Caustics<'a>) -> Self {
-        Self { technique, map: None, gathers: true, gathered: 0 }
+        Self { technique, map: None, gathers: true, arrivals: Vec::new() }
     }
 
     /// For the training of a guiding field, which need not find what photons bring.
@@ -65,27 +78,37 @@ impl<'a> PartRenderer<'a> {
 
     /// Gathers photons for all paths that have arrived on a surface.
     pub(super) fn gather(&mut self, depth: u32) {
-        if depth >= self.context.max_depth() {
-            return;
-        }
-        let Some((map, windows)) = self.caustics.as_ref().and_then(|c| c.map.clone()) else {
-            return;
-        };
-        let scene = self.context.scene;
-        for path in 0..self.paths.len() {
+        let Some(mut gathering) = self.caustics.take() else { return };
+        let map = gathering.map.clone();
+        let scene = gathering.technique.scene;
+        // (A short loop, in which many looks at the map are under way at once.)
+        gathering.arrivals.clear();
+        gathering.arrivals.extend((0..self.paths.len()).map(|path| {
             let hit = &self.paths.hits[path];
             if !hit.is_hit() || self.paths.is_dead(path) || self.is_scattered(path) {
-                continue;
+                return Arrival::Nowhere;
             }
             if scene.casters().is_caster(scene.material_id(hit)) {
-                continue;
+                return Arrival::Caster;
             }
-            // (Most points are far from all photons.)
-            if map.near(self.paths.rays[path].at(hit.t)).is_empty() {
-                continue;
+            let point = self.paths.rays[path].at(hit.t);
+            match map.as_ref().is_some_and(|(map, _)| map.may_be_near(point)) {
+                true => Arrival::NearPhotons,
+                false => Arrival::Receiver,
             }
-            self.gather_at(depth, path, &map, windows);
+        }));
+        self.caustics = Some(gathering);
+        let Some((map, windows)) = map.filter(|_| depth < self.context.max_depth()) else { return };
+        for path in 0..self.paths.len() {
+            if self.arrival(path) == Arrival::NearPhotons {
+                self.gather_at(depth, path, &map, windows);
+            }
         }
+    }
+
+    fn arrival(&self, path: usize) -> Arrival {
+        let arrivals = self.caustics.as_ref().map(|gathering| &gathering.arrivals[..]);
+        arrivals.and_then(|all| all.get(path).copied()).unwrap_or(Arrival::Nowhere)
     }
 
     fn gather_at(&mut self, depth: u32, path: usize, map: &PhotonMap, windows: Windows) {
@@ -111,9 +134,6 @@ impl<'a> PartRenderer<'a> {
             let mode = self.facts[sample as usize].mode;
             self.light_parts.add(&mut self.aovs, sample, throughput * *light, tag, mode);
         }
-        if let Some(gathering) = &mut self.caustics {
-            gathering.gathered += u64::from(sum.photons);
-        }
         if let Some(journal) = &mut self.journal {
             let photons = sum.photons;
             journal.events.push(Event::Photons { path, sample, radiance, photons });
@@ -136,6 +156,10 @@ impl<'a> PartRenderer<'a> {
         let most_bounces = self.context.max_depth().saturating_sub(depth + 1);
         let (thickness, is_opaque) = (THICKNESS * map.radius, shading.is_opaque());
         let side = normal.dot(wo);
+        // The most common surfaces scatter alike in all directions.
+        let is_flat = shading.frame.z == normal || shading.frame.z == -normal;
+        let matte = shading.bsdf.albedo_from_anywhere().filter(|_| is_flat && is_opaque);
+        let matte = matte.map(|albedo| albedo * FRAC_1_PI);
         for photon in map.near(at.position).photons() {
             let offset = map.position(photon) - at.position;
             let height = offset.dot(normal);
@@ -156,13 +180,16 @@ impl<'a> PartRenderer<'a> {
                 }
             }
             let moment = map.time(photon).map_or(1.0, |t| weight_of(t, rest.time, windows.time));
-            let value = shading.eval(wo, wi);
-            if moment == 0.0 || value.is_black() {
+            if moment == 0.0 {
                 continue;
             }
+            let value = match matte {
+                Some(value) => value,
+                None => shading.eval(wo, wi) * (1.0 / cos.abs().max(LEAST_COS)),
+            };
             // A kernel that falls off towards the radius, of unit integral over the disk.
             let kernel = 2.0 * (1.0 - distance_squared / radius_squared) / (PI * radius_squared);
-            let light = flux * value * (kernel * moment / cos.abs().max(LEAST_COS));
+            let light = flux * value * (kernel * moment);
             sum.light += light;
             sum.photons += 1;
             if !self.light_parts.is_empty() {
@@ -223,19 +250,12 @@ impl<'a> PartRenderer<'a> {
     /// What a path has met since photons were gathered, after its current vertex, given the density
     /// with which its next direction was chosen (0 for a delta lobe).
     pub(super) fn chain_after(&self, path: usize, pdf: f32) -> Chain {
-        let Some(Gathering { technique, .. }) = &self.caustics else { return Chain::Free };
-        let hit = &self.paths.hits[path];
-        if !hit.is_hit() || self.is_scattered(path) {
-            return Chain::Free;
+        match (self.arrival(path), self.paths.carried[path].marks.chain()) {
+            (Arrival::Nowhere, _) | (Arrival::Caster, Chain::Free) => Chain::Free,
+            (Arrival::Caster, Chain::Receiver | Chain::Casters) => Chain::Casters,
+            (Arrival::Receiver | Arrival::NearPhotons, _) if pdf > 0.0 => Chain::Receiver,
+            (Arrival::Receiver | Arrival::NearPhotons, _) => Chain::Free,
         }
-        let scene = technique.scene;
-        if scene.casters().is_caster(scene.material_id(hit)) {
-            return match self.paths.carried[path].marks.chain() {
-                Chain::Free => Chain::Free,
-                Chain::Receiver | Chain::Casters => Chain::Casters,
-            };
-        }
-        if pdf > 0.0 { Chain::Receiver } else { Chain::Free }
     }
 }
 
