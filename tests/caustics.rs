@@ -61,7 +61,7 @@ fn mean(scene: &CompiledScene, camera: &Camera, settings: &Settings, seeds: u32)
 
 /// Settings of pictures with these photons.
 fn by(caustics: CausticsMode, spp: u32) -> Settings {
-    Settings { caustics, photons: Some(1 << 14), max_depth: 12, ..settings(24, spp) }
+    Settings { caustics, photons: Some(1 << 16), max_depth: 12, ..settings(56, spp) }
 }
 
 fn compiled(scene: &Scene) -> CompiledScene {
@@ -160,6 +160,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 
 #[test]
 fn photons_and_paths_agree_where_paths_find_all_light() {
+    let mut failed = Vec::new();
     for (name, scene) in scenes() {
         let scene = compiled(&scene);
         for color in ColorModel::ALL {
@@ -170,15 +171,19 @@ fn photons_and_paths_agree_where_paths_find_all_light() {
                 let settings = Settings { color, ..by(caustics, spp) };
                 mean(&scene, &camera(), &settings, seeds)
             };
-            let [on, off] = [of(ON, 64, 6), of(CausticsMode::Off, 256, 6)];
+            let [on, off] = [of(ON, 32, 5), of(CausticsMode::Off, 96, 5)];
             let z = (on[0] - off[0]) / on[1].hypot(off[1]);
             let ratio = on[0] / off[0];
             eprintln!("{name}, {color:?}: {on:?} {off:?}, z {z:+.2}, ratio {ratio:.4}");
             // Kernels carry a little light beyond edges.
             let bias = 0.004;
-            assert!((ratio - 1.0).abs() < bias + 3.5 * on[1].hypot(off[1]) / off[0], "{name}");
+            let limit = bias + 3.5 * on[1].hypot(off[1]) / off[0];
+            if (ratio - 1.0).abs() > limit {
+                failed.push(format!("{name}, {color:?}: {ratio}"));
+            }
         }
     }
+    assert!(failed.is_empty(), "{failed:?}");
 }
 
 #[test]
@@ -361,7 +366,8 @@ fn threads_order_passes_crops_and_instructions_do_not_change_a_bit_of_caustics()
             let image = Job::new(&other, &camera(), &settings).run(2, &|_| true).0.image();
             assert!(bits(&image) == bits(&whole), "{level:?} {color:?}");
         }
-        let job = Job::new(&compiled, &camera(), &base);
+        let camera = camera();
+        let job = Job::new(&compiled, &camera, &base);
         let mut film = job.empty_film();
         for until in [1, 7, 20, 33, 40] {
             film = job.extend(film, until, 2, &|_| true).0;
@@ -413,7 +419,7 @@ fn photons_are_taken_where_they_help_only() {
     let glow = lamp(&mut large, 1.0);
     put(&mut large, rectangle(4.0, 4.0), facing(DVec3::new(0.0, 4.0, 0.0), DVec3::NEG_Y), glow);
     assert!(photons(&large, auto()).is_none());
-    assert!(photons(&large, by(ON, 16)).is_some_and(|photons| photons.of_pass == 1 << 14));
+    assert!(photons(&large, by(ON, 16)).is_some_and(|photons| photons.of_pass == 1 << 16));
     // Nothing gathers light.
     let mut matte = ball(Diffuse::new(Rgb::splat(0.5)));
     matte.add_light(Point { position: DVec3::new(0.0, 4.0, 0.0), ..Point::examples().remove(0) });

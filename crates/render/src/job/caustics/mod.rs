@@ -52,6 +52,8 @@ const MEASURED: usize = 8;
 const PROBES: usize = 256;
 /// How fast the radius falls: the `alpha` of Knaus and Zwicker.
 const ALPHA: f64 = 2.0 / 3.0;
+/// The least first radius, in pixels.
+const LEAST_PIXELS: f32 = 0.7;
 /// The largest first radius, in radii of the scene.
 const LARGEST: f32 = 0.05;
 /// The least share of scouts that land, and the least share of the power of all lamps that they
@@ -189,7 +191,7 @@ impl<'a> Caustics<'a> {
     }
 
     /// The radius of the first pass, from the density of the scouts where they landed: the median
-    /// of the distances to some neighbours. It is not less than a pixel is wide there.
+    /// of the distances to some neighbours. It is not much less than a pixel is wide there.
     fn radius_for(&self, scouts: &[Landed], camera: &Camera) -> f32 {
         let most = LARGEST * self.scene.radius;
         let step = (scouts.len() / PROBES).max(1);
@@ -209,7 +211,8 @@ impl<'a> Caustics<'a> {
         let median = *distances.select_nth_unstable_by(middle, f32::total_cmp).1;
         let share = NEIGHBORS / MEASURED as f32 * SCOUTS as f32 / self.count as f32;
         let wide = median * share.sqrt();
-        wide.max(self.pixel_width(scouts, camera)).min(most).max(1e-6 * self.scene.radius)
+        let least = LEAST_PIXELS * self.pixel_width(scouts, camera);
+        wide.max(least).min(most).max(1e-6 * self.scene.radius)
     }
 
     /// The median width of a pixel where photons have landed.
