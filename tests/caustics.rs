@@ -137,10 +137,8 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     let tea = nested.add_medium(Homogeneous::absorbing(Rgb::new(0.2, 0.5, 1.0)));
     let mut add = |name: &str, ior, medium, priority, radius| {
         let interior = Some(Interior { medium, priority });
-        let material = nested.add_material(Material {
-            interior,
-            ..Material::new(name, Dielectric::smooth(ior))
-        });
+        let material = nested
+            .add_material(Material { interior, ..Material::new(name, Dielectric::smooth(ior)) });
         put(&mut nested, Sphere { radius }, at(0.0, 1.1, 0.0), material);
     };
     add("glass", 1.5, None, 1, 0.8);
@@ -149,8 +147,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     put(&mut nested, Sphere { radius: 0.5 }, at(-1.2, 4.2, 0.6), glow);
     all.push(("tea in glass", nested));
     let mut milk = under_a_lamp(Dielectric::smooth(1.33));
-    let medium =
-        milk.add_medium(Homogeneous::scattering(Rgb::splat(0.6), Rgb::splat(0.8), 0.4));
+    let medium = milk.add_medium(Homogeneous::scattering(Rgb::splat(0.6), Rgb::splat(0.8), 0.4));
     for material in milk.materials.iter_mut().filter(|material| material.name == "ball") {
         material.interior = Some(Interior { medium: Some(medium), priority: 0 });
     }
@@ -279,12 +276,8 @@ fn a_ball_gathers_the_light_that_the_integral_says() {
         ..Camera::look_at(Vec3::new(0.0, 6.0, 0.0), Vec3::ZERO, Vec3::Z, 0.5)
     };
     let size = 120;
-    let settings = Settings {
-        caustics: ON,
-        photons: Some(1 << 17),
-        max_depth: 40,
-        ..settings(size, 16 * 12)
-    };
+    let settings =
+        Settings { caustics: ON, photons: Some(1 << 17), max_depth: 40, ..settings(size, 16 * 12) };
     let (film, _) = Job::new(&compiled(&scene), &camera, &settings).run(2, &|_| true);
     let pixel = 2.0 * half / f64::from(size);
     let pixels = colors(&film.image());
@@ -293,8 +286,7 @@ fn a_ball_gathers_the_light_that_the_integral_says() {
         let (x, y) = (i % size as usize, i / size as usize);
         coordinate(x).hypot(coordinate(y)) < disk
     });
-    let seen: f64 =
-        inside.map(|(_, color)| color[0] * std::f64::consts::PI * pixel * pixel).sum();
+    let seen: f64 = inside.map(|(_, color)| color[0] * std::f64::consts::PI * pixel * pixel).sum();
     eprintln!("{seen} seen, {gathered} gathered");
     // (Light that the ground sends back to the ball, and the ball to the ground, is seen too.)
     assert!(seen > 0.99 * gathered && seen < 1.06 * gathered, "{seen} {gathered}");
@@ -448,7 +440,8 @@ fn mirrors_of_the_sun_on_meshes_light_what_they_face() {
     put_mesh(&mut scene, mesh, DAffine3::IDENTITY, mirror);
     let direction = DVec3::new(0.0, -1.0, -1.0);
     scene.add_light(Directional { direction, irradiance: Rgb::splat(3.0) });
-    let camera = Camera::look_at(Vec3::new(0.0, 3.0, 4.0), Vec3::new(0.0, 3.0, -3.0), Vec3::Y, 0.02);
+    let camera =
+        Camera::look_at(Vec3::new(0.0, 3.0, 4.0), Vec3::new(0.0, 3.0, -3.0), Vec3::Y, 0.02);
     let lit = |caustics| {
         mean(&compiled(&scene), &camera, &Settings { size: [8, 8], ..by(caustics, 64) }, 3)[0]
     };

@@ -136,9 +136,8 @@ impl<'a> Search<'a> {
     fn new(world: &'a World, surfaces: &'a SurfaceTable, of_material: &'a [bool]) -> Self {
         let casts = |id: MaterialId| of_material[id.index()];
         let handed_down = surfaces.handed_down().any(casts);
-        let may_cast = |g: u32| {
-            surfaces.own_materials(g).any(casts) || (handed_down && surfaces.inherits(g))
-        };
+        let may_cast =
+            |g: u32| surfaces.own_materials(g).any(casts) || (handed_down && surfaces.inherits(g));
         let geometries: Vec<bool> = (0..world.geometry_count() as u32).map(may_cast).collect();
         let mut groups = vec![false; world.group_count()];
         // Iterated until nothing changes: one round per level of nesting.
@@ -179,7 +178,13 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn add_geometry(&mut self, group: GroupId, id: GeometryId, instance: u32, places: &[Transform]) {
+    fn add_geometry(
+        &mut self,
+        group: GroupId,
+        id: GeometryId,
+        instance: u32,
+        places: &[Transform],
+    ) {
         let casts = |primitive: u32| {
             let material = self.surfaces.material(self.world, instance, id.0, primitive);
             self.of_material[material.index()]

@@ -150,7 +150,9 @@ mod tests {
                 let round = Ranges::of_round([start, end], pixels, false);
                 let ranges: Vec<_> = round.all().collect();
                 check(&ranges, start, if pixels == 0 { start } else { end });
-                assert!(Ranges::of_round([0, end], pixels, true).all().all(|r| r[1] - r[0] <= BLOCK));
+                assert!(
+                    Ranges::of_round([0, end], pixels, true).all().all(|r| r[1] - r[0] <= BLOCK)
+                );
                 assert_eq!(ranges.len(), round.count());
             }
         }

@@ -6,8 +6,8 @@ use crate::camera::{Camera, Projection};
 use crate::graph::{Environment, Geometry, MaterialId, Node, Scene, Surface};
 use crate::material::{Black, ColorParam, Dielectric, Diffuse, Interior, Material};
 use crate::medium::Homogeneous;
-use crate::texture::{Mapping, Texture};
 use crate::texture::pattern::{Checkerboard, Pattern};
+use crate::texture::{Mapping, Texture};
 use snell_intersect::TriangleMesh;
 use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, DVec3, Rgb, Vec3, real};
@@ -57,9 +57,8 @@ fn water(material: MaterialId) -> Surface {
     let (mut positions, mut normals) = (Vec::new(), Vec::new());
     for j in 0..=counts[1] {
         for i in 0..=counts[0] {
-            let at = |i: u32, axis: usize| {
-                half[axis] * (2.0 * i as f32 / counts[axis] as f32 - 1.0)
-            };
+            let at =
+                |i: u32, axis: usize| half[axis] * (2.0 * i as f32 / counts[axis] as f32 - 1.0);
             let (x, z) = (at(i, 0), at(j, 1));
             let (height, normal) = water_at(x, z);
             positions.push(Vec3::new(x, height, z));
@@ -114,14 +113,14 @@ pub fn scene() -> Scene {
         interior: Some(Interior { medium: Some(clear), priority: 0 }),
         ..Material::new("water", Dielectric::smooth(1.333))
     });
-    let sun = scene
-        .add_material(Material::new("sun", Black {}).emitting(Rgb::new(1.0e5, 0.9e5, 0.75e5)));
+    let sun =
+        scene.add_material(Material::new("sun", Black {}).emitting(Rgb::new(1.0e5, 0.9e5, 0.75e5)));
     let mut add =
         |name: &str, surfaces| scene.add_child(scene.root, Node { surfaces, ..Node::named(name) });
-    add("floor", vec![quads(
-        &[[[-w, bottom, l], [w, bottom, l], [w, bottom, -l], [-w, bottom, -l]]],
-        floor,
-    )]);
+    add(
+        "floor",
+        vec![quads(&[[[-w, bottom, l], [w, bottom, l], [w, bottom, -l], [-w, bottom, -l]]], floor)],
+    );
     let left = [[-w, bottom, l], [-w, bottom, -l], [-w, top, -l], [-w, top, l]];
     let right = [[w, bottom, -l], [w, bottom, l], [w, top, l], [w, top, -l]];
     let back = [[-w, bottom, -l], [w, bottom, -l], [w, top, -l], [-w, top, -l]];
@@ -132,12 +131,7 @@ pub fn scene() -> Scene {
     let slab = |x0: f32, x1: f32, z0: f32, z1: f32| {
         [[x0, top, z1], [x1, top, z1], [x1, top, z0], [x0, top, z0]]
     };
-    let rim = [
-        slab(-x, -w, -z, z),
-        slab(w, x, -z, z),
-        slab(-w, w, -z, -l),
-        slab(-w, w, l, z),
-    ];
+    let rim = [slab(-x, -w, -z, z), slab(w, x, -z, z), slab(-w, w, -z, -l), slab(-w, w, l, z)];
     add("rim", vec![quads(&rim, stone)]);
     add("water", vec![water(water_material)]);
     let mut ball = |name: &str, center: DVec3, radius, material| {

@@ -333,7 +333,10 @@ mod tests {
         for photon in 0..1000 {
             let Some(LightSource::Light(i)) = map.source(photon) else { panic!("it is kept") };
             let from = &all[i as usize];
-            assert_eq!((map.position(photon), map.way(photon).1), (from.position, (i % 300).min(255)));
+            assert_eq!(
+                (map.position(photon), map.way(photon).1),
+                (from.position, (i % 300).min(255))
+            );
             assert!(map.way(photon).0.distance(from.direction) < 1e-3);
             for (a, b) in map.flux(photon).0.iter().zip(from.flux.0) {
                 assert!((a - b).abs() <= 0.004 * b);

@@ -19,8 +19,8 @@ mod shoot;
 pub use lamps::Lamps;
 pub use map::PhotonMap;
 
-use super::tracer::Tracer;
 use super::lock;
+use super::tracer::Tracer;
 use crate::compile::CompiledScene;
 use crate::integrator::IntegratorKind;
 use crate::light_sampler::LightSampler;

@@ -71,13 +71,8 @@ pub struct Shooter<'a> {
 impl<'a> Shooter<'a> {
     pub fn new(caustics: &'a Caustics<'a>) -> Self {
         let Caustics { scene, settings, light_sampler, .. } = caustics;
-        let context = Context {
-            scene,
-            settings,
-            lights: light_sampler,
-            field: None,
-            wants_lobes: false,
-        };
+        let context =
+            Context { scene, settings, lights: light_sampler, field: None, wants_lobes: false };
         Self { caustics, walker: Walker::new(&context), own: OwnMedia::new() }
     }
 
@@ -280,8 +275,17 @@ impl<'a> Shooter<'a> {
             lobe: LobeShares::UNKNOWN,
             time,
         };
-        let photon =
-            Photon { ray, state, first_flux, hue, bounces: 0, target: number, source, bare, random };
+        let photon = Photon {
+            ray,
+            state,
+            first_flux,
+            hue,
+            bounces: 0,
+            target: number,
+            source,
+            bare,
+            random,
+        };
         (flux.is_finite() && first_flux > 0.0).then_some(photon)
     }
 
@@ -388,9 +392,7 @@ impl Target {
     /// on its side, by their cosine.
     fn direction_from(&self, point: Vec3, normal: Option<Vec3>, u: Vec2) -> (Vec3, f32) {
         match (self.cap_seen_from(point), normal) {
-            (Some(cap), _) => {
-                (in_cap(self.center - point, cap, u), 1.0 / (2.0 * PI * cap))
-            }
+            (Some(cap), _) => (in_cap(self.center - point, cap, u), 1.0 / (2.0 * PI * cap)),
             (None, Some(normal)) => {
                 let local = sampling::cosine_hemisphere(u);
                 (Frame::from_z(normal).from_local(local).normalize_or(normal), local.z / PI)
