@@ -228,9 +228,9 @@ fn spot_example() -> Spot {
     Spot::examples().remove(0)
 }
 
-/// The sun stands over a ball of glass over a ground. By Snell's and Fresnel's laws, the light that
-/// enters at a distance from the axis lands at another one; a camera that does not see the ball sees
-/// the sum of what falls into a disk.
+/// The sun stands over a ball of glass over a ground. By Snell's and Fresnel's laws, the light
+/// that enters at a distance from the axis lands at another one; a camera that does not see the
+/// ball sees the sum of what falls into a disk.
 #[test]
 fn a_ball_gathers_the_light_that_the_integral_says() {
     const IOR: f64 = 1.5;
@@ -292,8 +292,8 @@ fn a_ball_gathers_the_light_that_the_integral_says() {
     assert!(seen > 0.99 * gathered && seen < 1.06 * gathered, "{seen} {gathered}");
 }
 
-/// Where light that enters the ball at a distance from the axis lands after some reflections inside;
-/// `None` if it does not go down.
+/// Where light that enters the ball at a distance from the axis lands after some reflections
+/// inside; `None` if it does not go down.
 fn trace(b: f64, inside: u32, ior: f64, height: f64) -> Option<f64> {
     use snell_math::DVec2;
     let mut point = DVec2::new(b, (1.0 - b * b).sqrt());

@@ -54,9 +54,9 @@ struct Photon {
     /// The target that its first surface must belong to.
     target: u32,
     source: LightSource,
-    /// For a lamp without a surface: the number of the light, the random numbers that choose a point
-    /// of it, and that point. The power follows from the irradiance where the photon meets the
-    /// first surface.
+    /// For a lamp without a surface: the number of the light, the random numbers that choose a
+    /// point of it, and that point. The power follows from the irradiance where the photon meets
+    /// the first surface.
     bare: Option<(usize, Vec2, Vec3)>,
     random: Random,
 }
