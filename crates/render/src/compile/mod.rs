@@ -34,6 +34,7 @@ use snell_scene::{
     Background, Environment, Material, MaterialId, MediumId, NodeId, Pose, Scene, SceneError,
     ShadowCatcher, TextureSet, Warning,
 };
+use std::any::Any;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use surfaces::SurfaceTable;
@@ -106,7 +107,12 @@ pub struct CompiledScene {
     light_samplers: Mutex<Vec<(LightSamplerKind, LightStrategy, Arc<LightSampler>)>>,
     /// The surfaces that cast caustics, found at first use.
     casters: OnceLock<Casters>,
+    /// What the last render has kept for the next one of the same scene.
+    pub(crate) kept: Mutex<Option<Kept>>,
 }
+
+/// What a render keeps for the next one, with a text that says all on which it depends.
+pub(crate) type Kept = (String, Arc<dyn Any + Send + Sync>);
 
 /// The parts of a compiled scene that take long to build.
 struct Built {
@@ -251,6 +257,7 @@ impl CompiledScene {
             lights,
             light_samplers: Mutex::default(),
             casters: OnceLock::new(),
+            kept: Mutex::default(),
         })
     }
 

@@ -94,8 +94,7 @@ fn tiles(scene: &mut Scene, name: &str, axes: [usize; 2]) -> MaterialId {
     let pattern = Pattern::Checkerboard(Checkerboard { even, odd, mapping });
     let texture = Some(scene.add_texture(Texture::Pattern(pattern)));
     let reflectance = ColorParam::textured(Rgb::WHITE, texture);
-    let diffuse = Diffuse { reflectance, ..Diffuse::new(Rgb::WHITE) };
-    scene.add_material(Material::new(name, diffuse))
+    scene.add_material(Material::new(name, Diffuse { reflectance }))
 }
 
 /// The built-in scene of the pool, in metres.

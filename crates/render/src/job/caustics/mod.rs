@@ -19,8 +19,8 @@ mod shoot;
 pub use lamps::Lamps;
 pub use map::PhotonMap;
 
-use super::lock;
 use super::tracer::Tracer;
+use super::{facts, lock};
 use crate::compile::CompiledScene;
 use crate::integrator::IntegratorKind;
 use crate::light_sampler::LightSampler;
@@ -75,7 +75,13 @@ pub struct Caustics<'a> {
     pub scene: &'a CompiledScene,
     settings: &'a Settings,
     light_sampler: Arc<LightSampler>,
-    pub lamps: Lamps,
+    stock: Arc<Stock>,
+}
+
+/// What does not borrow from the render. It is kept with the scene, so that a render in many steps,
+/// each a job of its own, does not shoot its photons anew at each.
+struct Stock {
+    lamps: Lamps,
     /// The radius of the first pass.
     first_radius: f32,
     /// Photons of a pass.
@@ -134,11 +140,32 @@ impl<'a> Caustics<'a> {
         if mode == CausticsMode::Off || settings.integrator != IntegratorKind::Path {
             return None;
         }
-        let casters = scene.casters();
-        if !casters.exist() || settings.max_depth < 2 {
+        if !scene.casters().exist() || settings.max_depth < 2 {
             return None;
         }
-        let lamps = Lamps::new(scene, &casters.targets, mode);
+        let of = |stock| Self { scene, settings, light_sampler: light_sampler.clone(), stock };
+        let key = format!("{:?}, {camera:?}", facts(settings));
+        let mut shelf = lock(&scene.kept);
+        if let Some((known, stock)) = &*shelf
+            && *known == key
+            && let Ok(stock) = stock.clone().downcast::<Option<Arc<Stock>>>()
+        {
+            return (*stock).clone().map(of);
+        }
+        let stock = Self::stock(scene, camera, settings, light_sampler);
+        *shelf = Some((key, Arc::new(stock.clone())));
+        stock.map(of)
+    }
+
+    /// Lamps, radius and counts of a render, without maps; `None` if there is no reason for photons.
+    fn stock(
+        scene: &'a CompiledScene,
+        camera: &Camera,
+        settings: &'a Settings,
+        light_sampler: &Arc<LightSampler>,
+    ) -> Option<Arc<Stock>> {
+        let (mode, light_sampler) = (settings.caustics, light_sampler.clone());
+        let lamps = Lamps::new(scene, &scene.casters().targets, mode);
         if !lamps.exist() {
             return None;
         }
@@ -150,26 +177,24 @@ impl<'a> Caustics<'a> {
             times: scene.moves,
             sources: !settings.aovs.is_empty(),
         };
-        let mut caustics = Self {
-            scene,
-            settings,
-            light_sampler: light_sampler.clone(),
-            lamps,
-            first_radius: 0.01 * scene.radius,
-            count,
-            kept,
-            maps: Mutex::default(),
-            tally: Mutex::default(),
-        };
-        let scouts = caustics.scouts();
-        if mode == CausticsMode::Auto && !caustics.is_worth_it(&scouts) {
+        let (maps, tally, first_radius) = (Mutex::default(), Mutex::default(), 0.0);
+        let stock = Arc::new(Stock { lamps, first_radius, count, kept, maps, tally });
+        let looking = Self { scene, settings, light_sampler, stock };
+        let scouts = looking.scouts();
+        if mode == CausticsMode::Auto && !looking.is_worth_it(&scouts) {
             return None;
         }
-        caustics.first_radius = caustics.radius_for(&scouts, camera);
-        let first_radius = caustics.first_radius;
-        *lock(&caustics.tally) =
+        let first_radius = looking.radius_for(&scouts, camera);
+        let mut stock = Arc::into_inner(looking.stock)?;
+        stock.first_radius = first_radius;
+        *lock(&stock.tally) =
             PhotonCounts { of_pass: count, first_radius, ..PhotonCounts::default() };
-        Some(caustics)
+        Some(Arc::new(stock))
+    }
+
+    /// The lamps that send photons.
+    pub fn lamps(&self) -> &Lamps {
+        &self.stock.lamps
     }
 
     /// A few photons, for a first look.
@@ -209,7 +234,7 @@ impl<'a> Caustics<'a> {
         }
         let middle = distances.len() / 2;
         let median = *distances.select_nth_unstable_by(middle, f32::total_cmp).1;
-        let share = NEIGHBORS / MEASURED as f32 * SCOUTS as f32 / self.count as f32;
+        let share = NEIGHBORS / MEASURED as f32 * SCOUTS as f32 / self.stock.count as f32;
         let wide = median * share.sqrt();
         let least = LEAST_PIXELS * self.pixel_width(scouts, camera);
         wide.max(least).min(most).max(1e-6 * self.scene.radius)
@@ -242,7 +267,7 @@ impl<'a> Caustics<'a> {
     fn radius(&self, pass: u32) -> f32 {
         // The product of `(i + alpha) / (i + 1)` for `i` from 1 is about a power.
         let shrunk = real::powf(f64::from(pass) + 1.0, (ALPHA - 1.0) * 0.5);
-        self.first_radius * shrunk as f32
+        self.stock.first_radius * shrunk as f32
     }
 
     /// The windows of a pass.
@@ -254,7 +279,7 @@ impl<'a> Caustics<'a> {
 
     /// Figures of the photons so far.
     pub fn counts(&self) -> PhotonCounts {
-        *lock(&self.tally)
+        *lock(&self.stock.tally)
     }
 
     /// The map of a pass, which is made first if need be, together with other threads that ask for
@@ -265,23 +290,23 @@ impl<'a> Caustics<'a> {
             return Some(map.clone());
         }
         let begin = Instant::now();
-        let (sampler, mut shooter) = (self.sampler(pass, self.count), Shooter::new(self));
+        let (sampler, mut shooter) = (self.sampler(pass, self.stock.count), Shooter::new(self));
         loop {
             let batch = slot.next.fetch_add(1, Ordering::Relaxed);
             let Some(landed) = slot.batches.get(batch) else { break };
             let first = batch as u32 * BATCH;
-            let end = first.saturating_add(BATCH).min(self.count);
-            shooter.shoot(&sampler, first..end, self.count, tracer, &mut lock(landed));
+            let end = first.saturating_add(BATCH).min(self.stock.count);
+            shooter.shoot(&sampler, first..end, self.stock.count, tracer, &mut lock(landed));
             if slot.left.fetch_sub(1, Ordering::AcqRel) == 1 {
                 self.finish(&slot);
             }
         }
-        lock(&self.tally).time += begin.elapsed();
+        lock(&self.stock.tally).time += begin.elapsed();
         let mut map = lock(&slot.map);
         loop {
             if tracer.is_cancelled() {
                 // What was shot may be incomplete.
-                lock(&self.maps).retain(|kept| kept.number != pass);
+                lock(&self.stock.maps).retain(|kept| kept.number != pass);
                 return None;
             }
             if let Some(map) = &*map {
@@ -295,11 +320,11 @@ impl<'a> Caustics<'a> {
 
     /// The place of a pass. The oldest is given up for a new one.
     fn slot(&self, number: u32) -> Arc<Pass> {
-        let mut maps = lock(&self.maps);
+        let mut maps = lock(&self.stock.maps);
         if let Some(known) = maps.iter().find(|pass| pass.number == number) {
             return known.clone();
         }
-        let batches = self.count.div_ceil(BATCH) as usize;
+        let batches = self.stock.count.div_ceil(BATCH) as usize;
         let pass = Arc::new(Pass {
             number,
             next: AtomicUsize::new(0),
@@ -319,8 +344,8 @@ impl<'a> Caustics<'a> {
     fn finish(&self, pass: &Pass) {
         let landed: Vec<Landed> =
             pass.batches.iter().flat_map(|batch| std::mem::take(&mut *lock(batch))).collect();
-        let map = PhotonMap::new(&landed, self.radius(pass.number), self.kept);
-        let mut tally = lock(&self.tally);
+        let map = PhotonMap::new(&landed, self.radius(pass.number), self.stock.kept);
+        let mut tally = lock(&self.stock.tally);
         tally.passes += 1;
         tally.landed += map.len() as u64;
         tally.map_bytes = tally.map_bytes.max(map.memory_bytes() as u64);

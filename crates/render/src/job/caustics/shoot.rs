@@ -87,7 +87,7 @@ impl<'a> Shooter<'a> {
     ) {
         let photons = range.filter_map(|i| {
             let mut photon = self.emitted(sampler.random([0, 0], i))?;
-            photon.state.throughput = photon.state.throughput * (1.0 / count as f32);
+            photon.state.throughput *= 1.0 / count as f32;
             photon.first_flux *= 1.0 / count as f32;
             Some(photon)
         });
@@ -193,7 +193,8 @@ impl<'a> Shooter<'a> {
 
     /// Emits a photon.
     fn emitted(&self, random: Random) -> Option<Photon> {
-        let Caustics { scene, settings, lamps, .. } = self.caustics;
+        let Caustics { scene, settings, .. } = self.caustics;
+        let lamps = self.caustics.lamps();
         let vertex = random.at_vertex(0, 0);
         let Aim { light, target: number, probability } =
             lamps.choose(vertex.number(dimension::AIM))?;
@@ -245,7 +246,7 @@ impl<'a> Shooter<'a> {
                     }
                     None => {
                         let seen = lamp.sample(target.center, u, mode)?;
-                        let (ray, area) = self.from_afar(&target, seen.direction, v);
+                        let (ray, area) = self.ray_from_afar(&target, seen.direction, v);
                         (ray, seen.radiance * (area / seen.pdf), source)
                     }
                 }
@@ -254,7 +255,7 @@ impl<'a> Shooter<'a> {
                 let sample = scene.environment.as_ref()?.sample_compensated(u)?;
                 let radiance = scene.environment.as_ref()?.radiance_at(sample.place, mode);
                 let share = 1.0 - lamps.left_of_sky(scene, sample.direction);
-                let (ray, area) = self.from_afar(&target, sample.direction, v);
+                let (ray, area) = self.ray_from_afar(&target, sample.direction, v);
                 (ray, radiance * (share * area / sample.pdf), LightSource::Environment)
             }
             CompiledLight::Medium(..) => return None,
@@ -291,7 +292,7 @@ impl<'a> Shooter<'a> {
 
     /// A ray that arrives from `direction` through the disk into which a target projects, and the
     /// area of the disk.
-    fn from_afar(&self, target: &Target, direction: Vec3, u: Vec2) -> (Ray, f32) {
+    fn ray_from_afar(&self, target: &Target, direction: Vec3, u: Vec2) -> (Ray, f32) {
         let scene = self.caustics.scene;
         let disk = sampling::concentric_disk(u) * target.radius;
         let away = target.center.distance(scene.center) + target.radius + 2.0 * scene.radius;

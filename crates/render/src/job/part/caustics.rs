@@ -227,7 +227,7 @@ impl<'a> PartRenderer<'a> {
             return 1.0;
         }
         let direction = self.paths.rays[path].direction;
-        technique.lamps.left_of_hit(technique.scene, &self.paths.hits[path], direction)
+        technique.lamps().left_of_hit(technique.scene, &self.paths.hits[path], direction)
     }
 
     /// The share of the light from a source in a direction that is not that of photons, at the
@@ -242,7 +242,7 @@ impl<'a> PartRenderer<'a> {
             return 1.0;
         };
         match self.chain_after(path, 1.0) {
-            Chain::Casters => technique.lamps.left_of_source(technique.scene, source, direction),
+            Chain::Casters => technique.lamps().left_of_source(technique.scene, source, direction),
             _ => 1.0,
         }
     }
