@@ -329,9 +329,9 @@ fn threads_order_passes_crops_and_instructions_do_not_change_a_bit_of_caustics()
             color,
             ..Settings::default()
         };
-        let compiled = compiled(&scene);
+        // (Photons are kept with the compiled scene, so each picture has one of its own.)
         let picture = |settings: &Settings, threads| {
-            Job::new(&compiled, &camera(), settings).run(threads, &|_| true).0.image()
+            Job::new(&compiled(&scene), &camera(), settings).run(threads, &|_| true).0.image()
         };
         let whole = picture(&base, 1);
         for (threads, tile_order, progressive) in [
@@ -359,6 +359,7 @@ fn threads_order_passes_crops_and_instructions_do_not_change_a_bit_of_caustics()
             assert!(bits(&image) == bits(&whole), "{level:?} {color:?}");
         }
         let camera = camera();
+        let compiled = compiled(&scene);
         let job = Job::new(&compiled, &camera, &base);
         let mut film = job.empty_film();
         for until in [1, 7, 20, 33, 40] {
