@@ -5,6 +5,7 @@
 
 mod agreement;
 mod batches;
+mod caustics;
 mod chi_squared;
 mod closed_form;
 mod conversion;

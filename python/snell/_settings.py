@@ -75,6 +75,16 @@ class RenderSettings(TypedDict, total=False):
     the time. Default: off.
     """
 
+    caustics: str | None
+    """Find caustics of small lamps by photons (`path`): the light that glass, water and
+    polished metal gather: auto, on or off. Default: auto.
+    """
+
+    photons: int | None
+    """Photons for each 16 samples of a pixel (`caustics`). A million take up to 32 MB.
+    Default: twice as many as the picture has pixels, from 131072 to 4194304.
+    """
+
     clamp: float | None
     """Clamp light after two or more bounces to this radiance, which removes fireflies but
     makes the picture too dark. Default: off.

@@ -838,6 +838,14 @@ pdf: number | null,
  */
 glow: [number, number, number], 
 /**
+ * Light that photons bring, times throughput.
+ */
+by_photons: [number, number, number], 
+/**
+ * The number of these photons.
+ */
+photons: number, 
+/**
  * Emission found at the vertex, times throughput and weight.
  */
 found: [number, number, number], 

@@ -94,6 +94,10 @@ pub struct PathVertex {
     pub scattering: Option<Scattering>,
     /// Radiance emitted by media on the way, multiplied by the throughput.
     pub glow: SampledSpectrum,
+    /// Radiance that photons bring to the vertex, multiplied by the throughput.
+    pub by_photons: SampledSpectrum,
+    /// The number of these photons.
+    pub photons: u32,
     /// Radiance found at the vertex, multiplied by the throughput and by the MIS weight.
     pub found: SampledSpectrum,
     /// The MIS weight of the radiance found at the vertex.
@@ -288,6 +292,13 @@ fn trees(job: &Job, part: &FilmPart, journal: &Journal) -> Vec<PathTree> {
                 tree.vertices[vertex].glow += *radiance;
                 tree.additions.push(Addition { vertex, light_ray: None, radiance: *radiance });
             }
+            Event::Photons { path, sample, radiance, photons } => {
+                let tree = &mut trees[*sample as usize];
+                let vertex = planting.vertex(tree, *path);
+                tree.vertices[vertex].by_photons += *radiance;
+                tree.vertices[vertex].photons += photons;
+                tree.additions.push(Addition { vertex, light_ray: None, radiance: *radiance });
+            }
             Event::Vertex(shaded) => {
                 let tree = &mut trees[shaded.sample as usize];
                 let vertex = planting.vertex(tree, shaded.path);
@@ -346,6 +357,8 @@ impl Planting {
                 throughput: SampledSpectrum::ZERO,
                 scattering: twig.scattering,
                 glow: SampledSpectrum::ZERO,
+                by_photons: SampledSpectrum::ZERO,
+                photons: 0,
                 found: SampledSpectrum::ZERO,
                 found_weight: 1.0,
                 light_rays: Vec::new(),

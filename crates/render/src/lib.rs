@@ -51,9 +51,9 @@ pub use film::{Film, FilmTile, filter::Filter};
 pub use guiding::Guiding;
 pub use integrator::{IntegratorKind, albedos::Albedos, aov::Aov};
 pub use job::{
-    Difference, FRAME, Fact, Header, Job, MARK_BYTES, Origin, Progress, Pulse, Recording,
-    SavedError, Split, Statistics, Task, TaskInput, TaskResult, Training, Underway, fact, facts,
-    may_be_checkpoint, with_patience,
+    Difference, FRAME, Fact, Header, Job, MARK_BYTES, Origin, PhotonCounts, Progress, Pulse,
+    Recording, SavedError, Split, Statistics, Task, TaskInput, TaskResult, Training, Underway,
+    fact, facts, may_be_checkpoint, with_patience,
 };
 pub use light_sampler::LightSamplerKind;
 pub use picture::picture;
@@ -62,4 +62,6 @@ pub use request::{
     seconds_of,
 };
 pub use sampler::SamplerKind;
-pub use settings::{Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator, TileOrder};
+pub use settings::{
+    CausticsMode, Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator, TileOrder,
+};

@@ -89,6 +89,32 @@ impl Terminator {
     }
 }
 
+/// Whether `path` finds caustics by photons.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CausticsMode {
+    /// Where a look at the scene says that small lamps light something through casters.
+    #[default]
+    Auto,
+    /// Wherever there are casters, by the photons of lamps of any size.
+    On,
+    /// Never.
+    Off,
+}
+
+impl CausticsMode {
+    /// All choices.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::On, Self::Off];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::On => "on",
+            Self::Off => "off",
+        }
+    }
+}
+
 /// A rectangle of pixels, right and lower border exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Crop {
@@ -184,6 +210,11 @@ pub struct Settings {
     pub light_sampler: LightSamplerKind,
     /// If set, `path` uses path guiding, trained before the render.
     pub guiding: Option<Guiding>,
+    /// Whether `path` finds caustics by photons.
+    pub caustics: CausticsMode,
+    /// The number of photons that are shot for each block of 16 samples; `None` for about one per
+    /// pixel.
+    pub photons: Option<u32>,
     /// Light that is added to the scene's ambient light in `raycast` and `whitted`, as a cheap
     /// substitute for indirect light.
     pub fill: Rgb,
@@ -239,6 +270,8 @@ impl Default for Settings {
             light_strategy: LightStrategy::default(),
             light_sampler: LightSamplerKind::default(),
             guiding: None,
+            caustics: CausticsMode::Off,
+            photons: None,
             fill: Rgb::BLACK,
             ao_distance: None,
             clamp: None,

@@ -13,6 +13,8 @@ pub struct SceneSettings {
     pub up: Option<DVec3>,
     /// Name of the integrator.
     pub integrator: Option<String>,
+    /// Name of the way to find caustics.
+    pub caustics: Option<String>,
     /// Samples per pixel.
     pub spp: Option<u32>,
     /// Maximum number of bounces after the camera ray's hit.

@@ -12,7 +12,9 @@ use crate::surfaces::{Color, PIXELS, Point, Surfaces, scatter};
 use crate::temporal::{self, Fresh, History};
 use rayon::prelude::*;
 use snell_math::rng;
-use snell_render::{Aov, CompiledScene, Filter, IntegratorKind, Job, Settings, picture};
+use snell_render::{
+    Aov, CausticsMode, CompiledScene, Filter, IntegratorKind, Job, Settings, picture,
+};
 use snell_scene::{Background, Camera, LayeredImage, Material};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -106,6 +108,7 @@ impl View<'_> {
             spp: 1,
             noise: None,
             guiding: None,
+            caustics: CausticsMode::Off,
             filter: Filter::Box,
             progressive: false,
             light_groups: Vec::new(),

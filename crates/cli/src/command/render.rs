@@ -36,8 +36,8 @@ use snell_formats::image::{Tonemap, encode_image_as};
 use snell_math::simd::Level;
 use snell_persist::Receipt;
 use snell_render::{
-    CompiledScene, Film, FilmTile, IntegratorKind, Job, Progress, Pulse, Request, Settings,
-    Statistics, with_patience,
+    CausticsMode, CompiledScene, Film, FilmTile, IntegratorKind, Job, Progress, Pulse, Request,
+    Settings, Statistics, with_patience,
 };
 use snell_scene::{Camera, Pose, Scene, Warning, WarningKind};
 use snell_viewer::Finished;
@@ -253,16 +253,26 @@ impl Session<'_> {
         };
         let (pulse, limit) = (Pulse::default(), options.request.time);
         let is_stopped = || interrupt::is_requested() || pulse.is_stuck(limit);
-        let (film, statistics) = with_patience(is_stopped, |cancel| {
+        let ((film, statistics), photons) = with_patience(is_stopped, |cancel| {
             let mut job = Job::new(&compiled, &camera, &settings).with_cancel(cancel);
             if let Some(merged) = self.merged {
-                return (merged.film)(&job, self.number);
+                return (merged.film)(&job, self.number).map(|film| (film, None));
             }
             if tev.is_some() {
                 job = job.watched(&watcher);
             }
-            render(&job, options, threads, &scene.name, &pulse, &mut saving)
+            let film = render(&job, options, threads, &scene.name, &pulse, &mut saving)?;
+            Ok((film, job.photons()))
         })?;
+        if settings.caustics == CausticsMode::On && photons.is_none() && self.merged.is_none() {
+            let problem = "--caustics on finds no lamp that sends light through glass, water or \
+                off polished metal; the picture has no photons";
+            let problem = format!("{}: {problem}", options.scene.display());
+            if !options.quiet && is_first {
+                eprintln!("warning: {problem}");
+            }
+            Warning::note_of(WarningKind::Choice, &mut warnings, problem, 1);
+        }
         let render_seconds = start.elapsed().as_secs_f64();
         if let Some(tev) = tev {
             tev.finish(&film.tiles);
@@ -291,6 +301,7 @@ impl Session<'_> {
             scene,
             settings: &settings,
             statistics,
+            photons,
             film: &film,
             image_sha256: snell_persist::image_sha256(&picture),
             receipt: self.receipt.of_film(&film),
@@ -369,6 +380,7 @@ pub(super) fn encode(
     let Finished { scene, compiled, settings, film, statistics, is_whole: _ } = made;
     let mut picture = snell_render::picture(film, settings, compiled);
     let facts = Facts {
+        photons: None,
         scene,
         settings,
         statistics: *statistics,

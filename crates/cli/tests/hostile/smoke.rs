@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 const RENDER: &str = "render FILE --size 8x6 --spp 1 -q -o out.pfm";
 const RENDER_IN_LIGHT: &str = "render minray --environment FILE --size 8x6 --spp 1 -q -o out.pfm";
 /// Options; half of the renders get some of these.
-const RENDER_OPTIONS: [&str; 30] = [
+const RENDER_OPTIONS: [&str; 31] = [
     "-i flat",
     "-i raycast",
     "-i whitted",
@@ -41,6 +41,7 @@ const RENDER_OPTIONS: [&str; 30] = [
     "--light-samples bsdf",
     "--light-sampler uniform",
     "--guiding=1",
+    "--caustics on --photons 500",
     "--environment sky",
     "--shadows soft",
     "--terminator faceted",

@@ -7,6 +7,7 @@
 //! moves becomes a group too, so that the frames of an animation share most structures.
 
 mod camera_filter;
+pub(crate) mod casters;
 mod crowds;
 pub(crate) mod floor;
 mod lights;
@@ -20,6 +21,7 @@ pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
+use casters::Casters;
 use floor::Floor;
 use lights::LightTable;
 use snell_intersect::{
@@ -32,8 +34,9 @@ use snell_scene::{
     Background, Environment, Material, MaterialId, MediumId, NodeId, Pose, Scene, SceneError,
     ShadowCatcher, TextureSet, Warning,
 };
+use std::any::Any;
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use surfaces::SurfaceTable;
 
 /// The reason why a scene could not be compiled.
@@ -102,7 +105,14 @@ pub struct CompiledScene {
     lights: LightTable,
     /// The light samplers that were built so far.
     light_samplers: Mutex<Vec<(LightSamplerKind, LightStrategy, Arc<LightSampler>)>>,
+    /// The surfaces that cast caustics, found at first use.
+    casters: OnceLock<Casters>,
+    /// What the last render has kept for the next one of the same scene.
+    pub(crate) kept: Mutex<Option<Kept>>,
 }
+
+/// What a render keeps for the next one, with a text that says all on which it depends.
+pub(crate) type Kept = (String, Arc<dyn Any + Send + Sync>);
 
 /// The parts of a compiled scene that take long to build.
 struct Built {
@@ -246,6 +256,8 @@ impl CompiledScene {
             surfaces,
             lights,
             light_samplers: Mutex::default(),
+            casters: OnceLock::new(),
+            kept: Mutex::default(),
         })
     }
 
@@ -311,6 +323,16 @@ impl CompiledScene {
     /// The light of a medium; `None` if it does not emit or cannot be sampled.
     pub fn light_of_medium(&self, medium: MediumId) -> Option<usize> {
         self.lights.of_medium(medium)
+    }
+
+    /// The approximate power of a light in W.
+    pub(crate) fn light_power(&self, light: usize) -> f64 {
+        self.lights.powers[light]
+    }
+
+    /// The surfaces that cast caustics.
+    pub(crate) fn casters(&self) -> &Casters {
+        self.casters.get_or_init(|| Casters::new(self))
     }
 
     /// The position of the environment among the lights.

@@ -22,13 +22,28 @@ pub struct Carried {
     pub stream: u32,
 }
 
-/// [`PathState::expected`], [`Receiver::transmits`] and [`PathState::is_specular`], packed into 32
-/// bits.
+/// [`PathState::expected`], [`Receiver::transmits`] and [`PathState::is_specular`], and the
+/// [`Chain`], packed into 32 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct Marks(u32);
 
 const TRANSMITS: u32 = 1;
 const IS_SPECULAR: u32 = 2;
+const AFTER_RECEIVER: u32 = 4;
+const AFTER_CASTER: u32 = 8;
+
+/// What a path has met since the last surface at which photons are gathered. It is
+/// [`Chain::Free`] in renders without photons.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Chain {
+    /// No such surface, or something else than casters of caustics since.
+    #[default]
+    Free,
+    /// Nothing: the path comes from such a surface.
+    Receiver,
+    /// Casters only, and at least one. Photons bring the light of lamps that the path meets now.
+    Casters,
+}
 
 impl Marks {
     pub const NONE: Self = Self(0);
@@ -53,6 +68,27 @@ impl Marks {
     #[inline(always)]
     pub fn is_specular(self) -> bool {
         self.0 & IS_SPECULAR != 0
+    }
+
+    /// What the path has met since photons were gathered.
+    #[inline]
+    pub fn chain(self) -> Chain {
+        match self.0 & (AFTER_RECEIVER | AFTER_CASTER) {
+            0 => Chain::Free,
+            AFTER_RECEIVER => Chain::Receiver,
+            _ => Chain::Casters,
+        }
+    }
+
+    /// The same marks with another [`Self::chain`].
+    #[inline]
+    pub fn with_chain(self, chain: Chain) -> Self {
+        let others = self.0 & !(AFTER_RECEIVER | AFTER_CASTER);
+        Self(match chain {
+            Chain::Free => others,
+            Chain::Receiver => others | AFTER_RECEIVER,
+            Chain::Casters => others | AFTER_CASTER,
+        })
     }
 }
 

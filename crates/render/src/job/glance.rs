@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 impl Job<'_> {
     /// The first sample of each pixel that `is_wanted` accepts: for each tile that has some, a
     /// part, in no particular order. The samples are those of [`Self::run`], unless the settings
-    /// ask for guiding, which is not trained here.
+    /// ask for guiding, which is not trained here, or for photons, which are not shot.
     pub fn glance(
         &self,
         threads: usize,

@@ -29,6 +29,17 @@ pub enum Event {
         /// The added radiance.
         radiance: SampledSpectrum,
     },
+    /// Photons have brought light to a vertex.
+    Photons {
+        /// Number of the path among the live paths.
+        path: usize,
+        /// The sample of the path, counted from the first of the part.
+        sample: u32,
+        /// The added radiance.
+        radiance: SampledSpectrum,
+        /// The number of photons.
+        photons: u32,
+    },
     /// A vertex was shaded.
     Vertex(Box<Shaded>),
 }

@@ -4,6 +4,7 @@
 //! Threads take parts in a fixed order and fold them into the film tile by tile, in the order of
 //! the samples. The picture does not depend on which thread rendered which part.
 
+mod caustics;
 mod glance;
 mod journal;
 mod light_parts;
@@ -38,8 +39,10 @@ use crate::light_sampler::LightSampler;
 use crate::sampler::Sampler;
 use crate::settings::{Crop, Settings, TileOrder};
 use crate::threads::on_threads;
+use caustics::Caustics;
+pub use caustics::PhotonCounts;
 use light_parts::LightParts;
-use part::PartRenderer;
+use part::{Gathering, PartRenderer};
 use parts::{Parts, Ranges};
 use serde::{Deserialize, Serialize};
 use snell_math::rng;
@@ -47,7 +50,7 @@ use snell_scene::Camera;
 use std::collections::BTreeMap;
 use std::ops::AddAssign;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 use tracer::Tracer;
 
@@ -171,6 +174,8 @@ pub struct Job<'a> {
     light_parts: LightParts,
     watcher: Option<TileWatcher<'a>>,
     cancel: Option<&'a AtomicBool>,
+    /// The photons, once they were needed; `None` inside if there are none.
+    caustics: OnceLock<Option<Caustics<'a>>>,
 }
 
 /// A tile that several threads fill.
@@ -226,6 +231,7 @@ impl<'a> Job<'a> {
             light_parts: LightParts::new(scene, settings),
             watcher: None,
             cancel: None,
+            caustics: OnceLock::new(),
         }
     }
 
@@ -316,7 +322,8 @@ impl<'a> Job<'a> {
             self.filter,
             &self.light_parts,
             tracer,
-        );
+        )
+        .with_caustics(self.caustics().map(Gathering::new));
         for range in
             (Ranges::Blocks { start: 0, end: self.settings.spp, is_progressive: false }).all()
         {
@@ -324,6 +331,18 @@ impl<'a> Job<'a> {
             let part = renderer.render(area_of(pixel), None, range, &mut Statistics::default());
             see(&part, &renderer.journal.take().unwrap_or_default());
         }
+    }
+
+    /// The photons of the render; `None` if it has none.
+    fn caustics(&self) -> Option<&Caustics<'a>> {
+        let make = || Caustics::new(self.scene, self.camera, self.settings, &self.lights);
+        self.caustics.get_or_init(make).as_ref()
+    }
+
+    /// Figures of the photons that this job has shot so far; `None` if caustics are not found by
+    /// photons.
+    pub fn photons(&self) -> Option<PhotonCounts> {
+        self.caustics().map(Caustics::counts)
     }
 
     /// An empty film of this render for one pixel of the whole picture.
@@ -397,7 +416,8 @@ impl<'a> Job<'a> {
             self.filter,
             &self.light_parts,
             tracer,
-        );
+        )
+        .with_caustics(self.caustics().map(Gathering::new));
         let mut mine = Statistics::default();
         loop {
             // `keep_going` is asked before a part is taken. Every part that is taken is rendered,

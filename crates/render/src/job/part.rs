@@ -1,6 +1,7 @@
 //! The main loop of rendering. Camera rays, hits, shading by material, light rays and next rays
 //! follow each other, depth by depth, until no path is left. All queries are batches.
 
+mod caustics;
 mod collect;
 mod collect_shaded;
 mod first_hits;
@@ -30,6 +31,8 @@ use snell_intersect::{Grouping, SurfacePoint};
 use snell_math::{ColorMode, ColorModel, SampledSpectrum};
 use snell_scene::{Camera, CameraRays, CameraView};
 use std::mem::take;
+
+pub use caustics::Gathering;
 
 /// The number of samples that are taken at once. Measured from 256 to 4,096: fewer leave the
 /// kernels idle, and more exceed the caches.
@@ -84,6 +87,8 @@ pub struct PartRenderer<'a> {
     light_parts: &'a LightParts,
     /// The state of media, if the scene has any and the integrator supports them.
     volumes: Option<VolumeBatch<'a>>,
+    /// The photons, if caustics are found by photons.
+    pub caustics: Option<Gathering<'a>>,
 }
 
 /// The light that a sample has collected.
@@ -168,7 +173,13 @@ impl<'a> PartRenderer<'a> {
             first_surfaces,
             light_parts,
             volumes,
+            caustics: None,
         }
+    }
+
+    /// The same renderer with photons.
+    pub fn with_caustics(self, caustics: Option<Gathering<'a>>) -> Self {
+        Self { caustics, ..self }
     }
 
     /// Takes the samples `range` of every pixel of `area`, and adds the training records of their
@@ -213,6 +224,7 @@ impl<'a> PartRenderer<'a> {
             aovs: vec![],
             keys: vec![],
         };
+        self.take_map(range[0]);
         // A journal or a recorder covers the whole part at once.
         let at_once = match self.recorder.is_some() || self.journal.is_some() {
             true => positions.len(),
@@ -273,6 +285,7 @@ impl<'a> PartRenderer<'a> {
                 statistics.cut_paths += self.unfinished();
             }
             self.next.clear();
+            self.gather(depth);
             self.shade_batch(depth, statistics);
             std::mem::swap(&mut self.paths, &mut self.next);
             self.volumes.iter_mut().for_each(VolumeBatch::swap);

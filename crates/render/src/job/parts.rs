@@ -16,9 +16,12 @@ pub(super) enum Ranges {
 impl Ranges {
     /// The ranges of one round for a tile with this number of active pixels. With fewer pixels the
     /// ranges are longer.
-    pub fn of_round([start, end]: [u32; 2], pixels: u64) -> Self {
+    ///
+    /// With `one_by_one`, no range has samples of two blocks.
+    pub fn of_round([start, end]: [u32; 2], pixels: u64, one_by_one: bool) -> Self {
         let blocks = u64::from(TILE * TILE)
             .checked_div(pixels)
+            .filter(|_| !one_by_one)
             .map_or(1, |blocks| blocks.clamp(1, 16) as u32);
         Self::Round { start, end: if pixels == 0 { start } else { end }, step: blocks * BLOCK }
     }
@@ -144,9 +147,12 @@ mod tests {
                 );
             }
             for pixels in [0, 1, 20, 256] {
-                let round = Ranges::of_round([start, end], pixels);
+                let round = Ranges::of_round([start, end], pixels, false);
                 let ranges: Vec<_> = round.all().collect();
                 check(&ranges, start, if pixels == 0 { start } else { end });
+                assert!(
+                    Ranges::of_round([0, end], pixels, true).all().all(|r| r[1] - r[0] <= BLOCK)
+                );
                 assert_eq!(ranges.len(), round.count());
             }
         }

@@ -182,7 +182,7 @@ impl Job<'_> {
         }
         let order = tile_order(film.tiles.len(), self.settings.tile_order);
         let parts = Parts::new(order, |tile| match self.settings.noise {
-            Some(_) => Ranges::of_round(task.samples, counts[tile]),
+            Some(_) => Ranges::of_round(task.samples, counts[tile], self.caustics().is_some()),
             None => Ranges::Blocks { start, end: until, is_progressive: false },
         });
         let total = counts.iter().sum::<u64>() * u64::from(until.saturating_sub(start));

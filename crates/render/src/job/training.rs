@@ -1,7 +1,7 @@
 //! The training passes of the guiding field, before the picture is rendered.
 
 use super::light_parts::LightParts;
-use super::part::PartRenderer;
+use super::part::{Gathering, PartRenderer};
 use super::tracer::Tracer;
 use super::{Job, Progress, Statistics, Training, lock};
 use crate::film::{Film, TILE};
@@ -135,7 +135,8 @@ impl Job<'_> {
                     self.filter,
                     &light_parts,
                     tracer,
-                );
+                )
+                .with_caustics(self.caustics().map(Gathering::of_training));
                 let mut mine = Statistics::default();
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);

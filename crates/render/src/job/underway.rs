@@ -149,6 +149,7 @@ impl Job<'_> {
                 Ranges::of_round(
                     [underway.film.tiles[tile].samples().max(start), end],
                     underway.count(tile),
+                    self.caustics().is_some(),
                 )
             });
             let (film, active) = (&mut underway.film, &underway.active);

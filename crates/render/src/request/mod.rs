@@ -21,7 +21,9 @@ use crate::integrator::aov::Aov;
 use crate::layers::{add_light_group, needed_aovs};
 use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
-use crate::settings::{Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator};
+use crate::settings::{
+    CausticsMode, Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator,
+};
 use setting::settings;
 use snell_intersect::AcceleratorKind;
 use snell_intersect::{BuildOptions, Quality};
@@ -155,6 +157,19 @@ settings! {
             default "off"
         )]
         pub guiding: GuidingPasses,
+        /// Find caustics of small lamps by photons (`path`): the light that glass, water and
+        /// polished metal gather.
+        ///
+        /// `auto` takes photons where a look at the scene says that small lamps light something
+        /// through such surfaces. The scene's own comes before the default.
+        #[setting(Light, "NAME", "str"; live)]
+        pub caustics: CausticsMode,
+        /// Photons for each 16 samples of a pixel (`caustics`). A million take up to 32 MB.
+        #[setting(
+            Light, "N", "int", range Range::Within(1.0, Request::MAX_PHOTONS as f64),
+            default "twice as many as the picture has pixels, from 131072 to 4194304"; live
+        )]
+        pub photons: u32,
         /// Clamp light after two or more bounces to this radiance, which removes fireflies but
         /// makes the picture too dark.
         #[setting(
@@ -280,6 +295,8 @@ impl Request {
     /// The largest number of pixels, equal to the limit of Snell's image readers. [`crate::memory`]
     /// estimates the memory that they need.
     pub const MAX_PIXELS: u64 = 1 << 28;
+    /// The largest number of photons of a pass.
+    pub const MAX_PHOTONS: u32 = 1 << 28;
     /// The largest number of samples per pixel.
     pub const MAX_SPP: u32 = 1 << 24;
     /// The limit of samples per pixel if the user limits only time or noise.
@@ -330,6 +347,8 @@ impl Request {
             light_strategy: self.light_samples.unwrap_or_default(),
             light_sampler: self.light_sampler.unwrap_or_default(),
             guiding: self.resolve_guiding(integrator, size, spp)?,
+            caustics: self.resolve_caustics(hints, integrator)?,
+            photons: self.photons,
             ao_distance: self.ao_distance,
             clamp: self.clamp,
             aovs: needed_aovs(asked, integrator, &light_groups, denoise),
@@ -437,6 +456,22 @@ impl Request {
             }
             GuidingPasses::Auto => Guiding::for_picture(size, spp),
         }))
+    }
+
+    fn resolve_caustics(
+        &self,
+        hints: &SceneSettings,
+        integrator: IntegratorKind,
+    ) -> Result<CausticsMode, RequestError> {
+        if integrator == IntegratorKind::Path {
+            let modes = (&CausticsMode::ALL, CausticsMode::name);
+            return chosen(self.caustics, ("caustics", &hints.caustics), modes);
+        }
+        if self.caustics == Some(CausticsMode::On) {
+            let name = integrator.name();
+            return refused("caustics", format!("is for the integrator path, not for {name}"));
+        }
+        Ok(CausticsMode::Off)
     }
 
     fn resolve_light_groups(&self, scene: &Scene) -> Result<Vec<LightGroup>, RequestError> {

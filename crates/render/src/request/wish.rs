@@ -8,7 +8,7 @@ use crate::integrator::IntegratorKind;
 use crate::integrator::aov::Aov;
 use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
-use crate::settings::{Crop, LightStrategy, Shadows, Terminator};
+use crate::settings::{CausticsMode, Crop, LightStrategy, Shadows, Terminator};
 use snell_intersect::{AcceleratorKind, Quality};
 use snell_math::ColorModel;
 use snell_math::parameters::Range;
@@ -286,8 +286,8 @@ macro_rules! choices {
     )*};
 }
 choices! {
-    AcceleratorKind, ColorModel, Filter, IntegratorKind, LightSamplerKind, LightStrategy, Quality,
-    SamplerKind, Shadows, Terminator,
+    AcceleratorKind, CausticsMode, ColorModel, Filter, IntegratorKind, LightSamplerKind,
+    LightStrategy, Quality, SamplerKind, Shadows, Terminator,
 }
 
 /// The problem of a name that is none of the valid ones.

@@ -9,6 +9,7 @@ mod hair;
 mod minray;
 mod night_town;
 mod palette;
+mod pool;
 mod prism;
 mod quads;
 mod smoke;
@@ -72,6 +73,11 @@ pub const BUILTINS: &[Builtin] = &[
         description: "A town at night: a thousand lamps of very different strengths, most of them \
             hidden",
         make: night_town::scene,
+    },
+    Builtin {
+        name: "pool",
+        description: "A pool under a small sun, whose light the rippled water gathers on its tiles",
+        make: pool::scene,
     },
     Builtin {
         name: "prism",

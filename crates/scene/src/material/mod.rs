@@ -3,6 +3,7 @@
 
 mod black;
 mod bump;
+mod caster;
 mod coated_conductor;
 mod coated_diffuse;
 mod conductor;

@@ -278,6 +278,8 @@ fn vertex_report(
         lobe: scattering.map(|s| lobe_name(s.lobe, s.is_delta).into()),
         pdf: scattering.filter(|s| !s.is_delta).map(|s| s.pdf),
         glow: color(vertex.glow),
+        by_photons: color(vertex.by_photons),
+        photons: vertex.photons,
         found: color(vertex.found),
         found_weight: vertex.found_weight,
         lights: vertex

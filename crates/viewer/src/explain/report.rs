@@ -113,6 +113,10 @@ pub struct VertexReport {
     pub pdf: Option<f32>,
     /// Emission of media along the ray, times throughput.
     pub glow: [f32; 3],
+    /// Light that photons bring, times throughput.
+    pub by_photons: [f32; 3],
+    /// The number of these photons.
+    pub photons: u32,
     /// Emission found at the vertex, times throughput and weight.
     pub found: [f32; 3],
     /// Weight of the emission found, in multiple importance sampling.

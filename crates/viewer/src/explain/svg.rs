@@ -138,6 +138,7 @@ fn contributions(out: &mut String, vertex: &VertexReport, x: f32, mut y: f32) ->
     };
     let own = [
         (vertex.glow, "from media on the way".to_string()),
+        (vertex.by_photons, format!("from photons: {}", vertex.photons)),
         (vertex.found, found("found here", vertex.found_weight)),
     ];
     let of_lights = vertex.lights.iter().map(|light| {

@@ -66,9 +66,15 @@ fn write_tree(out: &mut String, tree: &SampleReport) -> std::fmt::Result {
         let indent = "  ".repeat(vertex.depth as usize + 1);
         writeln!(out, "{indent}{}", title(number, vertex))?;
         writeln!(out, "{indent}    throughput {}", rgb(&vertex.throughput))?;
-        for (what, light) in
-            [("from media on the way", vertex.glow), ("light found here", vertex.found)]
-        {
+        let of_photons = match vertex.photons {
+            1 => "from 1 photon".to_string(),
+            photons => format!("from {photons} photons"),
+        };
+        for (what, light) in [
+            ("from media on the way", vertex.glow),
+            (&*of_photons, vertex.by_photons),
+            ("light found here", vertex.found),
+        ] {
             if light != [0.0; 3] {
                 let weight = if what.starts_with("light") && vertex.found_weight != 1.0 {
                     format!(", weight {:.3}", vertex.found_weight)

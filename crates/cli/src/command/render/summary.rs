@@ -7,7 +7,7 @@ use crate::progress::duration;
 use crate::resources::peak_memory_bytes;
 use serde_json::{Value, json};
 use snell_persist::Receipt;
-use snell_render::{CompiledScene, Film, Settings, Statistics};
+use snell_render::{CompiledScene, Film, PhotonCounts, Settings, Statistics};
 use snell_scene::{Scene, Warning};
 use std::path::Path;
 
@@ -19,6 +19,8 @@ pub struct Facts<'a> {
     pub scene: &'a Scene,
     pub settings: &'a Settings,
     pub statistics: Statistics,
+    /// Figures of the photons, if caustics were found by photons.
+    pub photons: Option<PhotonCounts>,
     pub film: &'a Film,
     pub image_sha256: String,
     pub receipt: Receipt,
@@ -117,6 +119,14 @@ impl Summary<'_> {
                 "regions": self.facts.statistics.guiding_regions,
                 "memory_bytes": self.facts.statistics.guiding_bytes,
             })),
+            "caustics": self.facts.photons.map(|photons| json!({
+                "photons_of_pass": photons.of_pass,
+                "passes": photons.passes,
+                "landed": photons.landed,
+                "seconds": photons.time.as_secs_f64(),
+                "map_bytes": photons.map_bytes,
+                "first_radius": photons.first_radius,
+            })),
             "spp": self.facts.film.least_samples(),
             "spp_mean": self.facts.film.mean_samples(),
             "spp_most": self.facts.film.most_samples(),
@@ -161,6 +171,19 @@ impl Summary<'_> {
                 duration(statistics.training.as_secs_f64()),
                 statistics.guiding_regions,
                 statistics.guiding_bytes as f64 * 1e-6,
+            );
+        }
+        if let Some(photons) = self.facts.photons {
+            eprintln!(
+                "caustics by {} photons in {} pass{} of {} ({:.1} s of threads, maps of {:.1} MB, \
+                 first radius {:.3})",
+                photons.landed,
+                photons.passes,
+                if photons.passes == 1 { "" } else { "es" },
+                photons.of_pass,
+                photons.time.as_secs_f64(),
+                photons.map_bytes as f64 * 1e-6,
+                photons.first_radius,
             );
         }
         if options.verbose {

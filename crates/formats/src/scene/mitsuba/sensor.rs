@@ -468,7 +468,20 @@ impl Builder<'_> {
             _ => "path",
         };
         self.scene.settings.integrator = Some(ours.into());
+        // Those that are made for caustics.
+        if ["ptracer", "photonmapper", "ppm", "sppm", "vcm"].contains(&object.kind.as_str()) {
+            self.scene.settings.caustics = Some("on".into());
+            let owner = object.owner();
+            self.mention(owner.clone(), object.at, || {
+                format!("{owner}: the integrator path with --caustics on was used instead")
+            });
+        }
         let exact = [
+            "ptracer",
+            "photonmapper",
+            "ppm",
+            "sppm",
+            "vcm",
             "path",
             "volpath",
             "volpathmis",

@@ -300,7 +300,20 @@ impl Builder<'_> {
         if ours != "whitted" {
             self.give_room_below(depth, params.at);
         }
+        // Those that are made for caustics.
+        let by_photons = ["sppm", "vcm", "photonmap", "exphotonmap"];
+        if by_photons.iter().any(|kind| is_kind(params, kind)) {
+            self.scene.settings.caustics = Some("on".into());
+            let owner = params.owner.clone();
+            self.mention(owner.clone(), params.at, || {
+                format!("{owner}: the integrator path with --caustics on was used instead")
+            });
+        }
         let exact = [
+            "sppm",
+            "vcm",
+            "photonmap",
+            "exphotonmap",
             "whitted",
             "path",
             "volpath",

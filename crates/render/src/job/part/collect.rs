@@ -12,6 +12,9 @@ impl PartRenderer<'_> {
         let (carried, sample) = (&self.paths.carried[path], self.paths.samples[path]);
         let (is_branched, throughput, time) =
             (carried.stream != 0, carried.throughput, self.paths.rest(path).time);
+        if self.caustics.is_some() {
+            self.leave_to_photons(path);
+        }
         self.outputs.radiance = self.clamped(depth > 1, self.outputs.radiance);
         self.take_clamped(path, depth, self.outputs.radiance);
         for i in 0..self.outputs.light_rays.len() {
@@ -35,9 +38,33 @@ impl PartRenderer<'_> {
             recorder.leave(sample, depth, choice, throughput, next.throughput);
         }
         self.facts[sample as usize].rays += self.outputs.next.len() as u32;
+        let first = self.next.len();
         for (ray, state) in self.outputs.next.drain(..) {
             self.next.push(ray, &state, sample);
         }
+        if self.caustics.is_some() {
+            for next in first..self.next.len() {
+                self.mark_chain(path, next);
+            }
+        }
+    }
+
+    /// Takes from the output of the vertex function what photons bring.
+    #[cold]
+    fn leave_to_photons(&mut self, path: usize) {
+        self.outputs.radiance *= self.left_to_path(path);
+        for i in 0..self.outputs.light_rays.len() {
+            let direction = self.outputs.light_rays[i].0.direction;
+            let left = self.left_to_light_ray(path, self.outputs.light_source, direction);
+            self.outputs.light_rays[i].1 *= left;
+        }
+    }
+
+    /// Marks a next path with what it has met since photons were gathered.
+    pub(super) fn mark_chain(&mut self, path: usize, next: usize) {
+        let chain = self.chain_after(path, self.next.carried[next].bsdf_pdf);
+        let marks = &mut self.next.carried[next].marks;
+        *marks = marks.with_chain(chain);
     }
 
     /// Records the output of a vertex in the journal, if there is one.
@@ -66,6 +93,10 @@ impl PartRenderer<'_> {
     /// Adds light that a path has found to its sample, and to the sample's layers.
     #[inline]
     pub(super) fn take_found(&mut self, path: usize, depth: u32, radiance: SampledSpectrum) {
+        let radiance = match self.caustics {
+            Some(_) => radiance * self.left_to_path(path),
+            None => radiance,
+        };
         self.take_clamped(path, depth, self.clamped(depth > 1, radiance));
     }
 

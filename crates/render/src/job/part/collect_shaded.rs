@@ -91,8 +91,25 @@ impl<'a> PartRenderer<'a> {
             false => light_rays.times.extend(kept.iter().map(|&lane| from.rest(path(lane)).time)),
         }
         light_rays.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
+        if self.caustics.is_some() {
+            self.leave_light_to_photons(first, shaded);
+        }
         if self.context.settings.clamp.is_some() || !self.light_parts.is_empty() {
             self.clamp_and_tag_light_rays(depth, first, shader, shaded);
+        }
+    }
+
+    /// Takes from the light rays from index `first` on, which belong to the lanes `kept`, what
+    /// photons bring.
+    #[cold]
+    fn leave_light_to_photons(&mut self, first: usize, shaded: &Shaded<'_>) {
+        let Some(light) = shaded.light else { return };
+        for (i, lane) in (first..).zip(self.kept.iter().map(|&lane| lane as usize)) {
+            let (path, source) = (shaded.paths[lane] as usize, light.lights.source[lane]);
+            // (A ray to a point is not of unit length.)
+            let direction = self.light_rays.rays[i].direction;
+            let left = self.left_to_light_ray(path, Some(source), direction);
+            self.light_rays.values[i] *= left;
         }
     }
 
@@ -123,6 +140,7 @@ impl<'a> PartRenderer<'a> {
     /// Collects the next rays of the shaded lanes.
     fn collect_next(&mut self, depth: u32, shader: &dyn BatchShader<'a>, shaded: &Shaded<'_>) {
         let wants_lobes = self.batch(depth).wants_lobes();
+        let first = self.next.len();
         let Self { paths: from, next, lanes, kept, .. } = self;
         let path = |lane: u32| shaded.paths[lane as usize] as usize;
         keep(lanes, shaded.goes_on, kept);
@@ -137,6 +155,12 @@ impl<'a> PartRenderer<'a> {
                 false => *rest,
             }
         }));
+        if self.caustics.is_some() {
+            for i in 0..self.kept.len() {
+                let path = shaded.paths[self.kept[i] as usize] as usize;
+                self.mark_chain(path, first + i);
+            }
+        }
     }
 
     /// Records the media in which the light ray and the next ray of a lane start.

@@ -4,7 +4,7 @@ use crate::guiding::Guiding;
 use crate::integrator::aov::Aov;
 use crate::integrator::light_part::LightSource;
 use crate::sampler::SamplerKind;
-use crate::settings::{Crop, LightGroup, Settings};
+use crate::settings::{CausticsMode, Crop, LightGroup, Settings};
 use snell_math::Rgb;
 use std::fmt::Display;
 
@@ -51,6 +51,8 @@ pub fn facts(settings: &Settings) -> Vec<Fact> {
         light_strategy,
         light_sampler,
         guiding,
+        caustics,
+        photons,
         fill,
         ao_distance,
         clamp,
@@ -106,6 +108,12 @@ pub fn facts(settings: &Settings) -> Vec<Fact> {
             photons => format!(" ({photons} photons)"),
         };
         add("--guiding", &format_args!("{passes}{photons}"));
+    }
+    if *caustics != CausticsMode::Off {
+        add("--caustics", &caustics.name());
+        if let Some(photons) = photons {
+            add("--photons", photons);
+        }
     }
     if *fill != Rgb::BLACK {
         let [r, g, b] = fill.to_array();

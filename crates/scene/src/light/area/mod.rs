@@ -342,6 +342,16 @@ impl AreaLight {
         }
     }
 
+    /// The primitive of the geometry that a part is.
+    pub fn primitive_of(&self, part: u32) -> u32 {
+        match &self.geometry {
+            EmissiveGeometry::Mesh { triangles, .. } => {
+                triangles.get(part as usize).copied().unwrap_or(0)
+            }
+            EmissiveGeometry::Shape(_) => 0,
+        }
+    }
+
     /// The part that a primitive of the geometry is; `None` if the primitive does not emit.
     pub fn part_of(&self, primitive: u32) -> Option<u32> {
         let EmissiveGeometry::Mesh { triangles, .. } = &self.geometry else { return Some(0) };
