@@ -3,8 +3,8 @@
     python bench/caustics.py FOLDER --snell target/release/snell [--size 256] [--quick]
 
 Three scenes with a small lamp: a glass ball over a floor, a mirror ring on a table, and a floor
-under rippled water. Mitsuba traces them with `ptracer` (light paths to the camera), which cannot see
-the water's floor: there it is left out. LuxCore traces paths with its cache of caustic photons.
+under rippled water. Mitsuba traces them with `ptracer` (light paths to the camera), which cannot
+see the water's floor: there it is left out. LuxCore traces paths with its cache of caustic photons.
 Each has a lamp that is large enough for plain paths too, which are the reference for brightness.
 
 Needs `pip install mitsuba pyluxcore numpy`; a program that is absent is left out.
@@ -171,7 +171,8 @@ def mitsuba_file(case: Case, half: float, size: int, folder: Path) -> Path:
             inside = f'<bsdf type="dielectric"><float name="int_ior" value="{material[1]}"/></bsdf>'
         elif material is not None:
             inside = (
-                '<bsdf type="twosided"><bsdf type="conductor"><string name="material" value="none"/>'
+                '<bsdf type="twosided"><bsdf type="conductor">'
+                '<string name="material" value="none"/>'
                 f'<rgb name="specular_reflectance" value="{material[1]}"/></bsdf></bsdf>'
             )
         shapes.append(
@@ -306,14 +307,19 @@ def part_of(picture, part):
     """The compared part of a picture."""
     height, width = picture.shape[:2]
     x0, y0, x1, y1 = part
-    rows, columns = slice(int(y0 * height), int(y1 * height)), slice(int(x0 * width), int(x1 * width))
+    rows, columns = (
+        slice(int(y0 * height), int(y1 * height)),
+        slice(int(x0 * width), int(x1 * width)),
+    )
     return picture[rows, columns].mean()
 
 
 def save(path: Path, pictures):
     """Pictures side by side, as PPM in display values."""
     row = np.concatenate(pictures, axis=1)
-    shown = np.where(row <= 0.0031308, 12.92 * row, 1.055 * np.maximum(row, 1e-9) ** (1 / 2.4) - 0.055)
+    shown = np.where(
+        row <= 0.0031308, 12.92 * row, 1.055 * np.maximum(row, 1e-9) ** (1 / 2.4) - 0.055
+    )
     bytes_ = (np.clip(shown, 0, 1) * 255 + 0.5).astype(np.uint8)
     header = f"P6 {bytes_.shape[1]} {bytes_.shape[0]} 255\n".encode()
     path.write_bytes(header + bytes_.tobytes())
@@ -330,7 +336,8 @@ def main() -> int:
     parser.add_argument("--llvm", action="store_true", help="Mitsuba's compiled variant")
     parser.add_argument("--case", action="append", help="only these")
     given = parser.parse_args()
-    print("| scene | lamp | program | seconds | mean in the part | to Snell |\n|---|---|---|---|---|---|")
+    print("| scene | lamp | program | seconds | mean in the part | to Snell |")
+    print("|---|---|---|---|---|---|")
     for case in (c for c in CASES if not given.case or c.name in given.case):
         for lamp, half in (("small", case.lamp[1]), ("large", case.lamp[1] * given.large)):
             folder = given.folder / f"{case.name}-{lamp}"

@@ -29,7 +29,9 @@ fn the_statistics_have_all_their_keys() {
     for key in ["shadow", "indirect"] {
         assert!(s["rays"][key].as_u64().is_some_and(|n| n > 0), "{key}: {}", s["rays"]);
     }
-    assert!(["scalar", "vector128", "avx2", "avx512"].contains(&s["simd"].as_str().expect("a name")));
+    assert!(
+        ["scalar", "vector128", "avx2", "avx512"].contains(&s["simd"].as_str().expect("a name"))
+    );
     assert_eq!(hash(&place, "s.json").len(), 64);
 }
 
