@@ -219,13 +219,13 @@ def read_pfm(path: Path):
     return values[::-1].astype(np.float64)
 
 
-def by_mitsuba(scene: Path, size: int, samples: int):
-    """Light paths to the camera."""
+def by_mitsuba(scene: Path, kind: str, samples: int):
+    """Light paths to the camera (`ptracer`), or paths from it (`path`)."""
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb" if "--llvm" in sys.argv else "scalar_rgb")
     loaded = mi.load_file(str(scene))
-    integrator = mi.load_dict({"type": "ptracer", "max_depth": 16})
+    integrator = mi.load_dict({"type": kind, "max_depth": 16})
     start = time.perf_counter()
     picture = np.array(mi.render(loaded, integrator=integrator, spp=samples))
     return picture.astype(np.float64), time.perf_counter() - start
@@ -335,7 +335,10 @@ def main() -> int:
     parser.add_argument("--large", type=float, default=8.0, help="factor on the larger lamp's size")
     parser.add_argument("--llvm", action="store_true", help="Mitsuba's compiled variant")
     parser.add_argument("--case", action="append", help="only these")
+    peers = ["mitsuba", "luxcore"]
+    parser.add_argument("--peer", action="append", choices=peers, help="only these peers")
     given = parser.parse_args()
+    chosen = given.peer or peers
     print("| scene | lamp | program | seconds | mean in the part | to Snell |")
     print("|---|---|---|---|---|---|")
     for case in (c for c in CASES if not given.case or c.name in given.case):
@@ -352,14 +355,16 @@ def main() -> int:
                 given.snell, scene, [*spp, "--caustics", "off"], folder / "paths.pfm"
             )
             found["Snell, paths"] = picture, seconds
-            if case.sees_floor:
+            kinds = ["ptracer"] * case.sees_floor + ["path"] * (lamp == "large")
+            for kind in kinds if "mitsuba" in chosen else []:
                 try:
-                    found["Mitsuba, ptracer"] = by_mitsuba(scene, given.size, given.samples)
+                    found[f"Mitsuba, {kind}"] = by_mitsuba(scene, kind, given.samples)
                 except ImportError:
                     print("Mitsuba is not installed", file=sys.stderr)
             try:
-                limit = max(20.0, 2 * found["Snell, photons"][1])
-                found["LuxCore, photons"] = by_luxcore(case, half, given.size, folder, limit)
+                if "luxcore" in chosen:
+                    limit = max(20.0, 2 * found["Snell, photons"][1])
+                    found["LuxCore, photons"] = by_luxcore(case, half, given.size, folder, limit)
             except ImportError:
                 print("LuxCore is not installed", file=sys.stderr)
             ours = part_of(found["Snell, photons"][0], case.part)
