@@ -157,7 +157,7 @@ impl<'a> Caustics<'a> {
         stock.map(of)
     }
 
-    /// Lamps, radius and counts of a render, without maps; `None` if there is no reason for photons.
+    /// Lamps, radius and counts of a render, without maps; `None` if no photons are worth it.
     fn stock(
         scene: &'a CompiledScene,
         camera: &Camera,

@@ -48,8 +48,8 @@ const COUNT: usize = PLANE * (2 + 3 * INDICES);
 /// The tables, packed: see [`pack`].
 static PACKED: &[u8; 2 * COUNT] = include_bytes!("anisotropic.bin");
 
-/// Numbers of 16 bits, as in [`super::NUMBERS`]: the loss of facets that reflect everything, of both
-/// distributions, and the three tables of dielectrics.
+/// Numbers of 16 bits, as in [`super::NUMBERS`]: the loss of facets that reflect everything, of
+/// both distributions, and the three tables of dielectrics.
 static NUMBERS: LazyLock<Vec<u16>> = LazyLock::new(|| unpack(PACKED));
 
 /// Calls a function for each row of numbers that [`pack`] stores as differences, with the distance
