@@ -73,6 +73,8 @@ pub struct Addition {
     /// The number of the vertex's light ray that contributed; `None` for light found at the vertex
     /// or on the way there.
     pub light_ray: Option<usize>,
+    /// True for light that photons brought to the vertex.
+    pub by_photons: bool,
     /// The contribution.
     pub radiance: SampledSpectrum,
 }
@@ -290,14 +292,24 @@ fn trees(job: &Job, part: &FilmPart, journal: &Journal) -> Vec<PathTree> {
                 let tree = &mut trees[*sample as usize];
                 let vertex = planting.vertex(tree, *path);
                 tree.vertices[vertex].glow += *radiance;
-                tree.additions.push(Addition { vertex, light_ray: None, radiance: *radiance });
+                tree.additions.push(Addition {
+                    vertex,
+                    light_ray: None,
+                    by_photons: false,
+                    radiance: *radiance,
+                });
             }
             Event::Photons { path, sample, radiance, photons } => {
                 let tree = &mut trees[*sample as usize];
                 let vertex = planting.vertex(tree, *path);
                 tree.vertices[vertex].by_photons += *radiance;
                 tree.vertices[vertex].photons += photons;
-                tree.additions.push(Addition { vertex, light_ray: None, radiance: *radiance });
+                tree.additions.push(Addition {
+                    vertex,
+                    light_ray: None,
+                    by_photons: true,
+                    radiance: *radiance,
+                });
             }
             Event::Vertex(shaded) => {
                 let tree = &mut trees[shaded.sample as usize];
@@ -410,12 +422,18 @@ fn add_vertex<'a>(
             tree.additions.push(Addition {
                 vertex: number,
                 light_ray: Some(vertex.light_rays.len()),
+                by_photons: false,
                 radiance: arrived,
             });
         }
         vertex.light_rays.push(light_ray);
     }
-    tree.additions.push(Addition { vertex: number, light_ray: None, radiance: shaded.radiance });
+    tree.additions.push(Addition {
+        vertex: number,
+        light_ray: None,
+        by_photons: false,
+        radiance: shaded.radiance,
+    });
 }
 
 /// How a next ray was chosen at a shaded vertex.

@@ -265,8 +265,8 @@ impl Session<'_> {
             Ok((film, job.photons()))
         })?;
         if settings.caustics == CausticsMode::On && photons.is_none() && self.merged.is_none() {
-            let problem = "--caustics on finds no lamp that sends light through glass, water or \
-                off polished metal; the picture has no photons";
+            let problem = "--caustics on finds no lamp, or no glass, water or metal that is smooth \
+                enough (roughness at most 0.3, alpha 0.09); the picture has no photons";
             let problem = format!("{}: {problem}", options.scene.display());
             if !options.quiet && is_first {
                 eprintln!("warning: {problem}");

@@ -465,11 +465,20 @@ impl Request {
     ) -> Result<CausticsMode, RequestError> {
         if integrator == IntegratorKind::Path {
             let modes = (&CausticsMode::ALL, CausticsMode::name);
-            return chosen(self.caustics, ("caustics", &hints.caustics), modes);
+            let mode = chosen(self.caustics, ("caustics", &hints.caustics), modes)?;
+            if mode == CausticsMode::Off && self.photons.is_some() {
+                return refused("photons", "is for caustics, which are off".into());
+            }
+            return Ok(mode);
         }
-        if self.caustics == Some(CausticsMode::On) {
-            let name = integrator.name();
-            return refused("caustics", format!("is for the integrator path, not for {name}"));
+        let name = integrator.name();
+        for (setting, is_given) in [
+            ("caustics", self.caustics == Some(CausticsMode::On)),
+            ("photons", self.photons.is_some()),
+        ] {
+            if is_given {
+                return refused(setting, format!("is for the integrator path, not for {name}"));
+            }
         }
         Ok(CausticsMode::Off)
     }
@@ -652,6 +661,8 @@ mod tests {
         let groups = vec![("key".to_string(), vec!["lmp".to_string()])];
         let ao = Some(IntegratorKind::Ao);
         let unguided = Request { integrator: ao, ..guided(GuidingPasses::Auto) };
+        let off = Some(CausticsMode::Off);
+        let dark = Request { caustics: off, photons: Some(1000), ..empty() };
         for (request, expected) in [
             (Request { spp: Some(0), ..empty() }, "spp is 0, expected a whole number from 1 to"),
             (Request { size: Some([0, 5]), ..empty() }, "size is 0, expected sides from 1 to"),
@@ -663,6 +674,7 @@ mod tests {
             (crop([5, 0], [5, 1]), "crop 5,0,5,1 is empty"),
             (guided(GuidingPasses::Count(21)), "guiding is 21, expected a whole number from 1"),
             (unguided, "guiding is for the integrator path, not for ao"),
+            (dark, "photons is for caustics, which are off"),
             (Request { light_groups: Some(groups), ..empty() }, "light_groups[\"key\"]: there"),
             (Request { size: Some([65536; 2]), ..empty() }, "a picture of 65536x65536 pixels"),
         ] {

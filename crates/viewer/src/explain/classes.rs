@@ -2,7 +2,7 @@
 //! textures for bidirectional ray tracing, 1990).
 
 use super::PathClass;
-use snell_render::explain::{PathTree, Scattering};
+use snell_render::explain::{Addition, PathTree, Scattering};
 use snell_render::integrator::light_part::Lobe;
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ impl Classes {
             if color.to_array() == [0.0; 3] {
                 continue;
             }
-            let sum = self.sums.entry(way(tree, addition.vertex, addition.light_ray)).or_default();
+            let sum = self.sums.entry(way(tree, addition)).or_default();
             for (sum, c) in sum.iter_mut().zip(color.to_array()) {
                 *sum += f64::from(c * tree.weight);
             }
@@ -51,10 +51,15 @@ impl Classes {
     }
 }
 
-/// The class of a path: its letters from the eye to the light.
-fn way(tree: &PathTree, vertex: usize, light_ray: Option<usize>) -> String {
+/// The class of a path: its letters from the eye to the light. What photons have met is not known
+/// any more; they land on surfaces that scatter light in all directions or nearly so.
+fn way(tree: &PathTree, addition: &Addition) -> String {
+    let vertex = addition.vertex;
     let mut letters = Vec::new();
-    if let Some(light) = light_ray.and_then(|i| tree.vertices[vertex].light_rays.get(i)) {
+    if addition.by_photons {
+        letters.push('D');
+    }
+    if let Some(light) = addition.light_ray.and_then(|i| tree.vertices[vertex].light_rays.get(i)) {
         letters.push(letter(light.lobe, false));
     }
     let mut at = Some(vertex);
@@ -65,7 +70,8 @@ fn way(tree: &PathTree, vertex: usize, light_ray: Option<usize>) -> String {
         at = vertex.parent;
     }
     letters.reverse();
-    let ellipsis = if letters.len() > LONGEST { "…" } else { "" };
+    let is_cut = letters.len() > LONGEST || addition.by_photons;
+    let ellipsis = if is_cut { "…" } else { "" };
     letters.truncate(LONGEST);
     format!("E{}{ellipsis}L", letters.into_iter().collect::<String>())
 }

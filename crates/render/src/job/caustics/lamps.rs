@@ -17,7 +17,7 @@ const LEAST_SHARE: f64 = 0.01;
 const SKY_SAMPLES: u32 = 4096;
 /// The largest solid angle of a lamp, in sr, as seen from a target or from elsewhere in the scene,
 /// that [`CausticsMode::Auto`] calls small.
-const SMALL: f64 = 0.03;
+const SMALL: f64 = 0.1;
 /// The distance of "elsewhere", in radii of the scene.
 const ELSEWHERE: f64 = 0.3;
 /// The largest number of pairs of lamps and targets.
