@@ -18,6 +18,7 @@ const PICTURES: &[(&str, &[u8])] = pictures![
     "hair",
     "minray",
     "night-town",
+    "pool",
     "prism",
     "smoke",
     "spheres",
