@@ -303,10 +303,10 @@ def test_foreign_tasks_and_results_are_refused():
     rays = film.progress[1]
     film.add(result)
     assert film.progress[1] == rays > 0
-    with pytest.raises(RuntimeError, match=r"no result of this render.* the worker"):
+    with pytest.raises(RuntimeError, match=r"not a result of this render.* the worker"):
         other.add(result)
     for broken in (b"", result[:-1], result[:40] + bytes([result[40] ^ 1]) + result[41:]):
-        with pytest.raises(RuntimeError, match="no result of this render"):
+        with pytest.raises(RuntimeError, match="not a result of this render"):
             film.add(broken)
     with pytest.raises(ValueError, match="task: "):
         worker.perform(result, "the worker")
