@@ -3,7 +3,9 @@
     python packaging/check_wheel.py target/wheels/snell-0.1.0-cp310-abi3-linux_x86_64.whl
 
 It prints a table of the wheels, with what was run, and fails if one is too large or does not work.
-Wheels for other machines are listed and not run. NumPy is installed from the index of packages, or
+Wheels for other machines are listed and not run. That for Linux on AArch64 is run in an emulator if
+the variable `PYTHON_AARCH64` has the command of a Python for it, such as
+`qemu-aarch64 -L ROOT ROOT/usr/bin/python3.11`. NumPy is installed from the index of packages, or
 from a folder that `PIP_FIND_LINKS` names.
 """
 
@@ -12,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import shlex
 import shutil
 import signal
 import subprocess
@@ -103,11 +106,42 @@ def use(wheel: Path) -> str:
         return "; ".join(parts)
 
 
+def use_emulated(wheel: Path, python: list[str]) -> str:
+    """Uses a wheel for AArch64 by a Python in an emulator, and says what was run."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        packages = folder / "packages"
+        ask = "import sys; print('{}.{}'.format(*sys.version_info))"
+        _, version = timed([*python, "-c", ask], dict(os.environ), folder)
+        choice = ["--only-binary=:all:", "--python-version", version.strip()]
+        for system in ["manylinux_2_17", "manylinux2014", "manylinux_2_28"]:
+            choice += ["--platform", f"{system}_aarch64"]
+        pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        subprocess.run([*pip, *choice, "--target", str(packages), str(wheel)], check=True)
+        variables = {**os.environ, "PYTHONPATH": str(packages)}
+        snell = [*python, "-m", "snell"]
+        timed([*snell, "--version"], variables, folder)
+        render, _ = timed([*snell, "render", "cornell-box", "--spp", "4"], variables, folder)
+        digest = hashlib.sha256((folder / "cornell-box.png").read_bytes()).hexdigest()
+        timed([*python, "-c", USE], variables, folder)
+        picture = f"cornell-box, 4 samples, in {render:.1f} s (PNG {digest[:8]})"
+        return f"in an emulator: version; {picture}; package"
+
+
 def runs_here(wheel: Path) -> bool:
     """True for wheels of this system and processor."""
     system = {"linux": "linux", "darwin": "macosx", "win32": "win"}.get(sys.platform, sys.platform)
     tag = wheel.stem.split("-")[-1]
     return system in tag and tag.endswith(platform.machine().lower())
+
+
+def report(wheel: Path) -> str:
+    """What was run of a wheel."""
+    if runs_here(wheel):
+        return use(wheel)
+    if (python := os.environ.get("PYTHON_AARCH64")) and wheel.stem.endswith("17_aarch64"):
+        return use_emulated(wheel, shlex.split(python))
+    return "not run: it is for another machine"
 
 
 def main(names: list[str]) -> int:
@@ -118,8 +152,8 @@ def main(names: list[str]) -> int:
         return 2
     print("| wheel | MB | what was run |\n|---|---|---|")
     for wheel in wheels:
-        said = use(wheel) if runs_here(wheel) else "not run: it is for another machine"
-        print(f"| {wheel.name} | {wheel.stat().st_size / 1e6:.1f} | {said} |", flush=True)
+        size = wheel.stat().st_size / 1e6
+        print(f"| {wheel.name} | {size:.1f} | {report(wheel)} |", flush=True)
     large = [wheel.name for wheel in wheels if wheel.stat().st_size > LARGEST]
     if large:
         print(f"error: larger than {LARGEST / 1e6:.0f} MB: {', '.join(large)}", file=sys.stderr)

@@ -149,21 +149,10 @@ impl Toolchain {
             let known = FOREIGN.map(|f| f.target).join(", ");
             format!("`{target}` is not a target that is known here: {known}")
         })?;
-        let built = all.iter().find(|rust| rust.has(target));
-        let rust = built.or(all.iter().find(|rust| rust.has_sources())).ok_or_else(|| {
-            format!(
-                "the standard library for {target} is not installed: `rustup target add {target}`, \
-                 or on Debian `apt install cargo-web rustc-web rust-web-src rust-web-llvm`"
-            )
-        })?;
-        let mut toolchain = rust.toolchain(Some(target));
+        let (rust, mut toolchain) = compiler(&all, target, foreign.from_source)?;
         let mut rustflags = foreign.rustflags.to_string();
-        if built.is_none() {
-            toolchain.flags.push(foreign.from_source);
-            toolchain.set("RUSTC_BOOTSTRAP", "1");
-            if target.contains("wasi") {
-                rustflags += &with_wasi_libc()?;
-            }
+        if !rust.has(target) && target.contains("wasi") {
+            rustflags += &with_wasi_libc()?;
         }
         let found = |name: &&&str| rust.has_linker(name) || is_in_path(name);
         let linker = foreign.linkers.iter().find(found).ok_or_else(|| {
@@ -181,6 +170,19 @@ impl Toolchain {
             toolchain.set(&format!("CARGO_TARGET_{variable}_RUNNER"), &runner);
         }
         Ok(toolchain)
+    }
+
+    /// How to build for a target, for a program that brings a linker of its own. An error says what
+    /// has to be installed.
+    pub fn linked_by_zig(target: &str) -> Result<Self, String> {
+        let toolchain = compiler(&Rust::all(), target, "-Zbuild-std=std,panic_unwind")?.1;
+        let folder = Path::new("target/for").join(format!("{target}-{}-zig", toolchain.version));
+        Ok(Self { folder, ..toolchain })
+    }
+
+    /// The target that is this machine.
+    pub fn host() -> Option<String> {
+        Rust::all().into_iter().next().map(|rust| rust.host)
     }
 
     /// How to build for this machine: as `cargo` does, into the folder `target`.
@@ -266,6 +268,31 @@ impl Rust {
             version: self.version.clone(),
         }
     }
+}
+
+/// The compiler for a target, with the flags of Cargo that make up for a standard library that is
+/// not installed.
+fn compiler<'a>(
+    all: &'a [Rust],
+    target: &str,
+    from_source: &'static str,
+) -> Result<(&'a Rust, Toolchain), String> {
+    if all.is_empty() {
+        return Err(NO_RUST.into());
+    }
+    let built = all.iter().find(|rust| rust.has(target));
+    let rust = built.or(all.iter().find(|rust| rust.has_sources())).ok_or_else(|| {
+        format!(
+            "the standard library for {target} is not installed: `rustup target add {target}`, \
+             or on Debian `apt install cargo-web rustc-web rust-web-src rust-web-llvm`"
+        )
+    })?;
+    let mut toolchain = rust.toolchain(Some(target));
+    if built.is_none() {
+        toolchain.flags.push(from_source);
+        toolchain.set("RUSTC_BOOTSTRAP", "1");
+    }
+    Ok((rust, toolchain))
 }
 
 /// Flags that link Debian's C library for WASI.

@@ -8,27 +8,36 @@ use std::time::SystemTime;
 
 const FOLDER: &str = "target/wheels";
 
+/// The oldest Linux systems that wheels for Linux suit: those with glibc 2.17, of 2012.
+const LINUX: &str = "manylinux2014";
+
+/// The programs that make wheels, in an environment of their own.
+const REQUIREMENTS: &str = "packaging/requirements.txt";
+
 /// Builds a wheel for this machine, or for each target named, checks which systems it suits,
 /// installs it where there is no Rust, and uses it. `None` without Python.
 pub fn build(targets: impl Iterator<Item = String>) -> Option<bool> {
-    let programs = python::test_environment(&python::root())?;
+    let folder = python::root().join("target/packaging/venv");
+    let programs = python::environment(&python::root(), &folder, REQUIREMENTS)?;
     let started = SystemTime::now();
-    let mut targets: Vec<_> = targets.map(Some).collect();
+    let mut targets: Vec<_> = targets.collect();
     if targets.is_empty() {
-        targets.push(None);
+        targets.extend(Toolchain::host());
     }
     for target in &targets {
-        let mut maturin = python::python(&programs, &["-m", "maturin", "build", "--release"]);
-        maturin.args(["--out", FOLDER]);
-        if let Some(target) = target {
-            match Toolchain::of(target) {
-                Ok(toolchain) => toolchain.hand_to(maturin.args(["--target", target])),
-                Err(error) => {
-                    eprintln!("xtask: {error}");
-                    return Some(false);
-                }
+        let toolchain = match Toolchain::linked_by_zig(target) {
+            Ok(toolchain) => toolchain,
+            Err(error) => {
+                eprintln!("xtask: {error}");
+                return Some(false);
             }
+        };
+        let mut maturin = python::python(&programs, &["-m", "maturin", "build", "--release"]);
+        maturin.args(["--zig", "--out", FOLDER, "--target", target]);
+        if target.contains("linux") {
+            maturin.args(["--compatibility", LINUX]);
         }
+        toolchain.hand_to(&mut maturin);
         if !run("build of the wheel", maturin) {
             return Some(false);
         }
