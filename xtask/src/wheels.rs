@@ -33,6 +33,7 @@ pub fn build(targets: impl Iterator<Item = String>) -> Option<bool> {
             }
         };
         let mut maturin = python::python(&programs, &["-m", "maturin", "build", "--release"]);
+        maturin.env("CARGO_ZIGBUILD_PYTHON_PATH", programs.join("python"));
         maturin.args(["--zig", "--out", FOLDER, "--target", target]);
         if target.contains("linux") {
             maturin.args(["--compatibility", LINUX]);
