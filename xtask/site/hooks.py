@@ -76,8 +76,19 @@ def code(found: re.Match[str]) -> str:
     return f"<code>{''.join(parts)}</code>"
 
 
+def command(found: re.Match[str]) -> str:
+    """A block of commands whose options are not broken at their hyphens."""
+    parts = re.split(r"(<[^>]*>|&[^;]*;)", found[0])
+    parts[::2] = [
+        re.sub(r"(?<![\w-])--?[a-zA-Z][\w-]*", r'<span class="whole">\g<0></span>', part)
+        for part in parts[::2]
+    ]
+    return "".join(parts)
+
+
 def on_page_content(html: str, **_: object) -> str:
     html = re.sub(r"<table>.*?</table>", table, html, flags=re.DOTALL)
+    html = re.sub(r'<div class="language-sh .*?</div>', command, html, flags=re.DOTALL)
     return re.sub(r"(<pre>.*?</pre>)|<code>(.*?)</code>", code, html, flags=re.DOTALL)
 
 
