@@ -12,7 +12,6 @@ import inspect
 import pathlib
 import re
 import sys
-import textwrap
 
 MODULES = ("snell", "snell.distributed", "snell.usd", "snell.trimesh", "snell.open3d")
 STUB = pathlib.Path(__file__).parents[2] / "python/snell/_snell.pyi"
@@ -47,6 +46,43 @@ def stub_signatures() -> dict[str, list[str]]:
 STUBS = stub_signatures()
 
 
+class Shown:
+    """What a signature shows in place of an annotation or a default."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+def shown(value: object) -> object:
+    """An annotation or a default as a program would write it."""
+    if value is inspect.Signature.empty:
+        return value
+    if isinstance(value, type):
+        is_near = value.__module__ in ("builtins", "snell", "snell._snell")
+        return Shown(value.__name__ if is_near else f"{value.__module__}.{value.__name__}")
+    return value
+
+
+def signature(thing: object) -> str:
+    """The signature of a function or a class, without the object that a method is of."""
+    found = inspect.signature(thing)  # type: ignore[arg-type]
+
+    def annotation(value: object) -> object:
+        return Shown(value) if isinstance(value, str) else shown(value)
+
+    parameters = [
+        p.replace(annotation=annotation(p.annotation), default=shown(p.default))
+        for p in found.parameters.values()
+        if p.name not in ("self", "cls")
+    ]
+    returns = annotation(found.return_annotation)
+    text = str(found.replace(parameters=parameters, return_annotation=returns))
+    return text.removesuffix(" -> None") if inspect.isclass(thing) else text
+
+
 def signatures(thing: object, name: str, module: str) -> list[str]:
     """What to write behind the name of a thing; empty if nothing is known."""
     if name in STUBS and module == "snell":
@@ -54,17 +90,41 @@ def signatures(thing: object, name: str, module: str) -> list[str]:
     if isinstance(thing, property):
         return [""]
     try:
-        text = str(inspect.signature(thing))  # type: ignore[arg-type]
+        return [signature(thing)]
     except (TypeError, ValueError):
         return [""]
-    return [re.sub(r"\((self|cls)(, )?", "(", text).replace("'", "")]
+
+
+def laid_out(text: str) -> str:
+    """A signature with a line for each parameter, if it is too long for one line."""
+    start = text.find("(")
+    if len(text) <= 88 or start < 0:
+        return text
+    depth, parts = 0, [""]
+    for index, c in enumerate(text[start:], start):
+        depth += (c in "([{") - (c in ")]}")
+        if depth == 0:
+            break
+        if c == "," and depth == 1:
+            parts.append("")
+        elif index > start:
+            parts[-1] += c
+    inner = "".join(f"    {part.strip()},\n" for part in parts)
+    return f"{text[: start + 1]}\n{inner}{text[index:]}"
+
+
+def is_sentence(lines: list[str], index: int) -> bool:
+    """True for a line in a list of parameters that is no parameter but text after the list."""
+    line = lines[index]
+    has_text = index + 1 < len(lines) and lines[index + 1].startswith(" ")
+    return not (line.startswith(" ") or has_text or " : " in line) and len(line.split()) > 4
 
 
 def markdown(docstring: str) -> str:
     """A docstring in NumPy's form as Markdown."""
-    text = inspect.cleandoc(docstring)
+    text = re.sub(r"\s+# doctest: \+\w+", "", inspect.cleandoc(docstring))
     text = re.sub(r":\w+:`~?([^`]+)`", r"`\1`", text).replace("``", "`")
-    out, section, is_code = [], "", False
+    out, section, is_code, is_prose = [], "", False, False
     lines = text.splitlines()
     index = 0
     while index < len(lines):
@@ -89,10 +149,14 @@ def markdown(docstring: str) -> str:
         entries = section in ("Parameters", "Returns", "Raises", "Attributes", "Yields", "Warns")
         if is_code or not entries:
             out.append(line)
+        elif is_prose or is_sentence(lines, index):
+            is_prose = bool(line.strip())
+            out.append(line)
         elif not line.startswith(" ") and line.strip():
             name, colon, kind = line.partition(" : ")
-            shown = f" ({kind.replace('`', '')})" if colon else ""
-            out += ["", f"* `{name}`{shown}:"]
+            kind = f" ({kind.replace('`', '')})" if colon else ""
+            has_text = index + 1 < len(lines) and lines[index + 1].startswith(" ")
+            out += ["", f"* `{name}`{kind}{':' if has_text else ''}"]
         else:
             out.append("    " + line.strip() if line.strip() else "")
         index += 1
@@ -103,23 +167,20 @@ def markdown(docstring: str) -> str:
 
 def entry(level: int, name: str, thing: object, module: str) -> str:
     """The heading, signature and text of one name."""
-    shown = [
-        textwrap.fill(name + signature, 88, subsequent_indent="    ", break_long_words=False)
-        for signature in signatures(thing, name, module)
-    ]
-    code = "```python\n" + "\n".join(shown) + "\n```\n" if any(shown) else ""
+    lines = [laid_out(name + text) for text in signatures(thing, name, module) if text]
+    code = "```python\n" + "\n".join(lines) + "\n```\n" if lines else ""
     text = markdown(getattr(thing, "__doc__", None) or "")
     return f"{'#' * level} `{name}`\n\n{code}\n{text}\n"
 
 
 def constant(name: str, value: object) -> str:
     """A name whose value is no function and no class."""
-    shown = (
+    content = (
         f"one entry for each of {', '.join(f'`{k}`' for k in value)}"
         if isinstance(value, dict)
         else f"`{value!r}`"
     )
-    return f"## `{name}`\n\nA constant: {shown}.\n\n"
+    return f"## `{name}`\n\nA constant: {content}.\n\n"
 
 
 def page(module_name: str) -> str:

@@ -8,7 +8,7 @@ use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
 snell_math::declare! {
     /// A cone around the y axis, centred: closed base at `-height / 2`, apex at `+height / 2`.
-    /// Faces: 0 side, 1 base. `uv` is that of [`Frustum`].
+    /// Faces: 0 side, 1 base. `uv` is that of `frustum`.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Cone {
         /// Radius of the base, positive.

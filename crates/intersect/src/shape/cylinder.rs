@@ -8,7 +8,7 @@ use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
 snell_math::declare! {
     /// A cylinder around the y axis, centred: from `-height / 2` to `+height / 2`. Faces and `uv`
-    /// are those of [`Frustum`].
+    /// are those of `frustum`.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Cylinder {
         /// Radius, positive.

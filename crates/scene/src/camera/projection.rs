@@ -12,8 +12,9 @@ snell_math::declare! {
     pub enum Projection tagged "projection" {
         /// A flat picture through a pinhole or a thin lens.
         "perspective" => Perspective {
-            /// Tangents of the half-angles of view, horizontal and vertical. One that is `None` is
-            /// computed from the other and the aspect ratio of the picture; at least one is given.
+            /// Tangents of the half-angles of view, horizontal and vertical. One that is `null` (in
+            /// Python `None`) is computed from the other and the aspect ratio of the picture; at
+            /// least one is given.
             #[range(Range::Positive)]
             tan_half_fov: [Option<f64>; 2],
         },
@@ -22,8 +23,9 @@ snell_math::declare! {
         "intrinsics" => Intrinsics(matrix: Intrinsics),
         /// Parallel rays, as in a plan.
         "orthographic" => Orthographic {
-            /// Half of the width and height of what is seen, in scene units. One that is `None` is
-            /// computed from the other and the aspect ratio of the picture; at least one is given.
+            /// Half of the width and height of what is seen, in scene units. One that is `null` (in
+            /// Python `None`) is computed from the other and the aspect ratio of the picture; at
+            /// least one is given.
             #[range(Range::Positive)]
             #[unit("scene units")]
             half_size: [Option<f64>; 2],

@@ -167,7 +167,7 @@ const PICTURES: &[(&str, &str, &str)] = &[
     (
         "light",
         "rectangle",
-        r#"-D 'light.0={"light":"rectangle","center":[0.5,4,1],"axes":[[0,0,1],[1,0,0]],"lengths":[0.4,5],"emission":[20,20,20]}'"#,
+        r#"-D 'light.0={"light":"rectangle","center":[0.5,4,1],"axes":[[1,0,0],[0,0,1]],"lengths":[5,0.4],"emission":[20,20,20]}'"#,
     ),
     (
         "projection",
@@ -187,16 +187,16 @@ const PICTURES: &[(&str, &str, &str)] = &[
     (
         "projection",
         "panoramic",
-        r#"spheres --size 320x160 -D 'camera.main.projection={"projection":"panoramic"}'"#,
+        r#"spheres --size 320x160 -D camera.main.eye=[0,1.3,3.2] -D 'camera.main.projection={"projection":"panoramic"}'"#,
     ),
     (
         "projection",
         "equal-area",
-        r#"spheres --size 240x240 -D 'camera.main.projection={"projection":"equal-area"}'"#,
+        r#"spheres --size 240x240 -D camera.main.eye=[0,1.3,3.2] -D 'camera.main.projection={"projection":"equal-area"}'"#,
     ),
     (
         "projection",
         "fisheye",
-        r#"spheres --size 240x240 -D 'camera.main.projection={"projection":"fisheye","max_angle":3.1415927}'"#,
+        r#"spheres --size 240x240 -D camera.main.eye=[0,1.3,3.2] -D 'camera.main.projection={"projection":"fisheye","max_angle":3.1415927}'"#,
     ),
 ];

@@ -7,7 +7,7 @@ use snell_math::parameters::Range;
 use snell_math::{DAffine3, DVec2, DVec3, Rgb, Vec2};
 
 snell_math::declare! {
-    /// An invisible rectangle that emits to one side, like a [`Disk`](super::Disk).
+    /// An invisible rectangle that emits to one side, like a `disk`.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Rectangle {
         /// Centre of the rectangle.

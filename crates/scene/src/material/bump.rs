@@ -14,7 +14,7 @@ snell_math::declare! {
     pub struct BumpMap {
         /// Linear texture of heights: an image or a pattern.
         pub texture: TextureId,
-        /// The channel that holds the height (0 red to 3 alpha); `None` for the luminance.
+        /// The channel that holds the height (0 red to 3 alpha); without it, the luminance.
         #[range(Range::Within(0.0, 3.0))]
         #[serde(default)]
         pub channel: Option<u8>,

@@ -8,8 +8,7 @@ use snell_math::{Rgb, SampledSpectrum};
 
 snell_math::declare! {
     /// A metal under a clear dielectric layer. It is the `coatedconductor` of pbrt-v4 without a
-    /// medium in the layer, made of the coat and the metal of [`super::OpenPbr`] with a measured
-    /// metal.
+    /// medium in the layer, made of the coat and the metal of `open-pbr` with a measured metal.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct CoatedConductor {

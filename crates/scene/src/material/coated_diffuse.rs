@@ -10,7 +10,7 @@ snell_math::declare! {
     /// A diffuse base under a dielectric layer, given by the colour of the base itself: the
     /// `coateddiffuse` of pbrt-v4 without a medium in the layer. Light that the inner side of the
     /// layer reflects back hits the base again, so the surface looks darker and more saturated than
-    /// the base ([`super::Plastic`] is given by the visible colour).
+    /// the base (`plastic` is given by the visible colour).
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct CoatedDiffuse {

@@ -83,7 +83,7 @@ snell_math::declare! {
         #[serde(default)]
         pub microfacets: MicrofacetShape,
         /// Anisotropy, `[-1, 1]`. Highlights are stretched along the tangent, or along the
-        /// bitangent if it is negative, as in [`super::OpenPbr`].
+        /// bitangent if it is negative, as in `open-pbr`.
         #[range(Range::Within(-1.0, 1.0))]
         #[serde(default = "super::defaults::smooth")]
         pub anisotropy: ScalarParam,

@@ -16,8 +16,7 @@ snell_math::declare! {
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Interior {
-        /// The medium inside; `None` if it is empty, or filled by the material's own medium
-        /// ([`Material::own_medium`]).
+        /// The medium inside; none if it is empty, or filled by the material's own medium.
         pub medium: Option<MediumId>,
         /// Priority where interiors overlap; the highest counts.
         #[serde(default)]

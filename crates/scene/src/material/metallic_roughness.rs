@@ -10,7 +10,7 @@ snell_math::declare! {
     /// A mixture of metal and dielectric: the metallic-roughness model of glTF 2.0 (specification,
     /// appendix B) with the extensions `KHR_materials_ior`, `KHR_materials_specular`,
     /// `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`. Its parameters are
-    /// some of those of [`OpenPbr`], under the names of glTF.
+    /// some of those of `open-pbr`, under the names of glTF.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct MetallicRoughness {

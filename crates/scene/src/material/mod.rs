@@ -392,8 +392,7 @@ snell_math::declare! {
         /// Bump map, which perturbs the normal further. Coats do not follow it.
         #[serde(default)]
         pub bump_map: Option<BumpMap>,
-        /// Interior of a closed surface; `None` for the one that the kind implies
-        /// ([`Material::bounded_interior`]).
+        /// Interior of a closed surface; without it, the one that the kind implies.
         #[serde(default)]
         pub interior: Option<Interior>,
     }

@@ -20,10 +20,9 @@ snell_math::declare! {
     /// describes, with its names and defaults: fuzz over coat over a mixture of metal, clear and
     /// opaque dielectric. Each parameter is a factor, multiplied by a texture if there is one.
     ///
-    /// Parameters that any surface has are moved to the fields of [`super::Material`] when the
-    /// material is made ([`super::Material::new`]): `emission_luminance` times `emission_color` to
-    /// `emission` (one nit as one W/(m² sr), as for glTF), `geometry_opacity` to `alpha`,
-    /// `geometry_normal` to `normal_map`.
+    /// Parameters that all materials have are moved to these when the material is made:
+    /// `emission_luminance` times `emission_color` to `emission` (one nit as one W/(m² sr), as for
+    /// glTF), `geometry_opacity` to `alpha`, `geometry_normal` to `normal_map`.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct OpenPbr {

@@ -9,8 +9,8 @@ use snell_math::parameters::Range;
 snell_math::declare! {
     /// Ambient, diffuse and specular coefficients, with mirror reflection and transmission. The
     /// integrators `raycast` and `whitted` evaluate the classic formula; the path tracer uses an
-    /// energy-conserving BSDF with the same coefficients ([`PhongBsdf`]), scaled down where they
-    /// add up to more than 1.
+    /// energy-conserving BSDF with the same coefficients, scaled down where they add up to more
+    /// than 1.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Phong {

@@ -10,8 +10,8 @@ use snell_math::{ColorMode, DAffine3, DVec3, Rgb, Vec3, real};
 const MOST_CELLS: u32 = 256;
 
 snell_math::declare! {
-    /// A cloud: an ellipsoid whose surface is eroded by fractal noise. It is stored as a [`Grid`]
-    /// of its density, which is between 0 and 1.
+    /// A cloud: an ellipsoid whose surface is eroded by fractal noise. It is stored as a `grid` of
+    /// its density, which is between 0 and 1.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default)]
     pub struct Cloud {

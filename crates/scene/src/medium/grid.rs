@@ -217,11 +217,11 @@ snell_math::declare! {
         #[range(LIGHT)]
         #[unit("W / (m^2 sr) per scene unit")]
         pub emission: Rgb,
-        /// Factor on the emission at each place; `None` for the density.
+        /// Factor on the emission at each place; without it, the density.
         #[serde(skip)]
         pub emission_scale: Option<Arc<ScalarGrid>>,
         /// Temperature in kelvin. The emitted light is that of a black body of luminance 1,
-        /// multiplied by `emission` and its scale. `None` for the colour of `emission` alone.
+        /// multiplied by `emission` and its scale. Without it, the colour of `emission` alone.
         #[serde(skip)]
         pub temperature: Option<Arc<ScalarGrid>>,
         /// Factor on `sigma_a` at each place, besides the density.
