@@ -24,8 +24,9 @@ import time
 import venv
 from pathlib import Path
 
-LARGEST = 12_000_000
-"""The size in bytes that a wheel may have."""
+LARGEST = 15_000_000
+"""The size in bytes that a wheel may have. (The aim is 12 MB. Of 14, ten are machine code: kernels
+for three kinds of processors, readers, serialisation; two and a half are tables, one unwinding.)"""
 
 USE = """
 import sys
