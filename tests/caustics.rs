@@ -1,20 +1,21 @@
 //! Caustics by photons: they change only the noise where paths find the same light, and bring what
 //! paths cannot find; the bits do not depend on threads, order, splitting or instructions.
 
-use snell_intersect::shape::Sphere;
+use snell_intersect::shape::{BoxShape, Sphere};
 use snell_intersect::{BuildOptions, TriangleMesh};
 use snell_math::simd::Level;
 use snell_math::spectrum::Glass;
 use snell_math::{ColorModel, DAffine3, DVec3, Rgb, Vec3};
 use snell_render::{
-    CausticsMode, CompiledScene, Crop, Guiding, Job, PhotonCounts, Settings, Split, TileOrder,
+    CausticsMode, CompiledScene, Crop, Guiding, Job, Moving, PhotonCounts, Settings, Split,
+    TileOrder,
 };
 use snell_scene::light::{Directional, Point, Spot, SpotFalloff};
 use snell_scene::material::{
     CoatedConductor, Conductor, Dielectric, Diffuse, Interior, MaterialKind, Mirror, OpenPbr,
 };
-use snell_scene::medium::Homogeneous;
-use snell_scene::{Camera, Environment, Material, Projection, Scene};
+use snell_scene::medium::{Grid, HeightFog, Homogeneous, Medium, ScalarGrid};
+use snell_scene::{Camera, Environment, Material, Node, Pose, Projection, Scene, Surface};
 use snell_tests::scenes::{at, facing, lamp, matte, put, put_mesh, rectangle, sky};
 use snell_tests::{bits, colors, settings};
 
@@ -46,17 +47,40 @@ fn camera() -> Camera {
 /// The mean of a picture over all pixels and some seeds, with its standard error: pixels of a
 /// picture share their photons, so only whole pictures are independent.
 fn mean(scene: &CompiledScene, camera: &Camera, settings: &Settings, seeds: u32) -> [f64; 2] {
-    let one = |seed| {
+    means(scene, camera, settings, seeds, &[Crop::full(settings.size)])[0]
+}
+
+/// The mean of a picture over each of some regions, as [`mean`].
+fn means(
+    scene: &CompiledScene,
+    camera: &Camera,
+    settings: &Settings,
+    seeds: u32,
+    regions: &[Crop],
+) -> Vec<[f64; 2]> {
+    let one = |seed| -> Vec<f64> {
         let settings = Settings { seed, ..settings.clone() };
         let (film, _) = Job::new(scene, camera, &settings).run(2, &|_| true);
         let pixels = colors(&film.image());
-        let sum: f64 = pixels.iter().map(|p| p[0] + p[1] + p[2]).sum();
-        sum / (3 * pixels.len()) as f64
+        let [width, _] = settings.size;
+        let of = |region: &Crop| {
+            let [w, h] = region.size();
+            let inside = (region.min[1]..region.max[1]).flat_map(|y| {
+                (region.min[0]..region.max[0]).map(move |x| (y * width + x) as usize)
+            });
+            let sum: f64 = inside.map(|i| pixels[i].iter().sum::<f64>()).sum();
+            sum / f64::from(3 * w * h)
+        };
+        regions.iter().map(of).collect()
     };
-    let all: Vec<f64> = (0..seeds).map(one).collect();
-    let mean = all.iter().sum::<f64>() / f64::from(seeds);
-    let spread = all.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
-    [mean, (spread / f64::from(seeds * (seeds - 1))).sqrt()]
+    let all: Vec<Vec<f64>> = (0..seeds).map(one).collect();
+    let of = |region: usize| {
+        let values = || all.iter().map(|values| values[region]);
+        let mean = values().sum::<f64>() / f64::from(seeds);
+        let spread = values().map(|x| (x - mean) * (x - mean)).sum::<f64>();
+        [mean, (spread / f64::from(seeds * (seeds - 1))).sqrt()]
+    };
+    (0..regions.len()).map(of).collect()
 }
 
 /// Settings of pictures with these photons.
@@ -319,6 +343,29 @@ fn threads_order_passes_crops_and_instructions_do_not_change_a_bit_of_caustics()
     let gold = scene.add_material(Material::new("gold", Conductor::gold(0.1)));
     put(&mut scene, Sphere { radius: 0.4 }, at(1.4, 0.4, 0.8), gold);
     scene.add_light(Point { position: DVec3::new(2.0, 3.0, 1.0), ..Point::examples().remove(0) });
+    assert_that_no_way_to_render_changes_a_bit(&scene);
+}
+
+#[test]
+fn threads_order_passes_crops_and_instructions_do_not_change_a_bit_of_shafts_in_fog() {
+    let mut scene = under_a_lamp(Dielectric::smooth(1.5));
+    scene.medium = Some(scene.add_medium(fog()));
+    let gold = scene.add_material(Material::new("gold", Conductor::gold(0.1)));
+    put(&mut scene, Sphere { radius: 0.4 }, at(1.4, 0.4, 0.8), gold);
+    scene.add_light(Point { position: DVec3::new(2.0, 3.0, 1.0), ..Point::examples().remove(0) });
+    let settings = by(ON, 16);
+    let photons = {
+        let compiled = compiled(&scene);
+        let camera = camera();
+        let job = Job::new(&compiled, &camera, &settings);
+        job.run(1, &|_| true);
+        job.photons()
+    };
+    assert!(photons.is_some_and(|photons| photons.in_media > 1000), "{photons:?}");
+    assert_that_no_way_to_render_changes_a_bit(&scene);
+}
+
+fn assert_that_no_way_to_render_changes_a_bit(scene: &Scene) {
     for color in ColorModel::ALL {
         let base = Settings {
             size: [37, 29],
@@ -331,7 +378,7 @@ fn threads_order_passes_crops_and_instructions_do_not_change_a_bit_of_caustics()
         };
         // (Photons are kept with the compiled scene, so each picture has one of its own.)
         let picture = |settings: &Settings, threads| {
-            Job::new(&compiled(&scene), &camera(), settings).run(threads, &|_| true).0.image()
+            Job::new(&compiled(scene), &camera(), settings).run(threads, &|_| true).0.image()
         };
         let whole = picture(&base, 1);
         for (threads, tile_order, progressive) in [
@@ -353,13 +400,13 @@ fn threads_order_passes_crops_and_instructions_do_not_change_a_bit_of_caustics()
         }
         for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
             let build = BuildOptions { simd: level, ..BuildOptions::default() };
-            let other = CompiledScene::new(&scene, &build).expect("the scene compiles");
+            let other = CompiledScene::new(scene, &build).expect("the scene compiles");
             let settings = Settings { build, ..base.clone() };
             let image = Job::new(&other, &camera(), &settings).run(2, &|_| true).0.image();
             assert!(bits(&image) == bits(&whole), "{level:?} {color:?}");
         }
         let camera = camera();
-        let compiled = compiled(&scene);
+        let compiled = compiled(scene);
         let job = Job::new(&compiled, &camera, &base);
         let mut film = job.empty_film();
         for until in [1, 7, 20, 33, 40] {
@@ -407,6 +454,16 @@ fn photons_are_taken_where_they_help_only() {
     assert!(photons(&tiny, auto()).is_some());
     assert!(photons(&tiny, by(CausticsMode::Off, 16)).is_none());
     assert!(photons(&tiny, Settings { max_depth: 1, ..by(ON, 16) }).is_none());
+    // Fog alone receives light.
+    let mut lost = Scene::new("ball in fog");
+    let glass = lost.add_material(Material::new("ball", Dielectric::smooth(1.5)));
+    put(&mut lost, Sphere { radius: 0.8 }, at(0.0, 1.1, 0.0), glass);
+    lost.add_light(Point { position: DVec3::new(0.0, 4.0, 0.0), ..Point::examples().remove(0) });
+    assert!(photons(&lost, auto()).is_none());
+    lost.medium = Some(lost.add_medium(Homogeneous::absorbing(Rgb::splat(0.1))));
+    assert!(photons(&lost, auto()).is_none());
+    lost.medium = Some(lost.add_medium(fog()));
+    assert!(photons(&lost, auto()).is_some());
     // A large lamp is met by paths.
     let mut large = ball(Dielectric::smooth(1.5));
     let glow = lamp(&mut large, 1.0);
@@ -450,4 +507,189 @@ fn mirrors_of_the_sun_on_meshes_light_what_they_face() {
     let (plain, both) = (lit(CausticsMode::Off), lit(ON));
     let ratio = both / plain;
     assert!((ratio - 1.5).abs() < 0.02, "{both} {plain}");
+}
+
+/// A ball of this material high over a white ground, without light, and how fog fills it all.
+fn high_ball(kind: impl Into<MaterialKind>, medium: impl Into<Medium>) -> Scene {
+    let mut scene = Scene::new("ball in a medium");
+    let white = matte(&mut scene, 0.5);
+    put(&mut scene, rectangle(20.0, 20.0), facing(DVec3::ZERO, DVec3::Y), white);
+    let material = scene.add_material(Material::new("ball", kind));
+    put(&mut scene, Sphere { radius: 0.7 }, at(0.0, 2.2, 0.0), material);
+    scene.medium = Some(scene.add_medium(medium));
+    scene
+}
+
+/// A place above the ball, and the radius of a lamp there that paths find.
+const LAMP: (DVec3, f64) = (DVec3::new(-0.9, 4.6, 0.3), 0.45);
+
+/// The same with a lamp that is small, but large enough to be met by paths.
+fn high_ball_under_a_lamp(kind: impl Into<MaterialKind>, medium: impl Into<Medium>) -> Scene {
+    let mut scene = high_ball(kind, medium);
+    add_lamp(&mut scene);
+    scene
+}
+
+fn add_lamp(scene: &mut Scene) {
+    let glow = lamp(scene, 40.0);
+    let (place, radius) = LAMP;
+    put(scene, Sphere { radius }, DAffine3::from_translation(place), glow);
+}
+
+/// A camera that sees the ball and the shaft of light below it.
+fn camera_of_the_shaft() -> Camera {
+    Camera::look_at(Vec3::new(0.3, 2.4, 6.0), Vec3::new(0.2, 1.6, 0.0), Vec3::Y, 0.3)
+}
+
+/// The shaft in a picture of 56 x 56 pixels of [`camera_of_the_shaft`].
+const SHAFT: Crop = Crop { min: [22, 32], max: [38, 46] };
+
+fn fog() -> Homogeneous {
+    Homogeneous::scattering(Rgb::splat(0.15), Rgb::new(0.9, 0.8, 0.7), 0.3)
+}
+
+/// Scenes with media that scatter light after casters, in which paths find all light, with names.
+fn scenes_with_media() -> Vec<(&'static str, CompiledScene)> {
+    let glass = || Dielectric::smooth(1.5);
+    let thick = Homogeneous::scattering(Rgb::new(0.8, 1.0, 1.2), Rgb::splat(0.9), -0.3);
+    let up = HeightFog {
+        sigma_a: Rgb::splat(0.02),
+        sigma_s: Rgb::splat(0.4),
+        g: 0.5,
+        base: DVec3::ZERO,
+        up: DVec3::Y,
+        scale_height: 1.5,
+    };
+    let mut all = vec![
+        ("fog", compiled(&high_ball_under_a_lamp(glass(), fog()))),
+        ("thick fog", compiled(&high_ball_under_a_lamp(glass(), thick))),
+        ("height fog", compiled(&high_ball_under_a_lamp(glass(), up))),
+        (
+            "rough glass in fog",
+            compiled(&high_ball_under_a_lamp(Dielectric::rough(1.5, 0.2), fog())),
+        ),
+        ("gold in fog", compiled(&high_ball_under_a_lamp(Conductor::gold(0.1), fog()))),
+        (
+            "flint glass in fog",
+            compiled(&high_ball_under_a_lamp(Dielectric::smooth(Glass::SF11), fog())),
+        ),
+    ];
+    // The fog of the scene is clear air, and the ball is in a box of smoke.
+    let mut smoke = high_ball_under_a_lamp(glass(), Homogeneous::default());
+    let n = 6;
+    let value = |i: usize| {
+        let [x, y, z] = [i % n, i / n % n, i / n / n].map(|c| c as f32 / (n - 1) as f32);
+        0.1 + 0.9 * (1.0 - y) * (0.5 + 0.5 * x) + 0.3 * z
+    };
+    let density = ScalarGrid::new([n; 3], (0..n * n * n).map(value).collect());
+    let (min, max) = (DVec3::new(-1.5, 0.2, -1.2), DVec3::new(1.6, 3.4, 1.3));
+    let place = DAffine3 { translation: min, ..DAffine3::from_scale(max - min) };
+    let (thin, thick) = (Rgb::splat(0.05), Rgb::splat(0.5));
+    let grid = Grid::new(thin, thick, 0.4, density.expect("as many as cells"), place);
+    let grid = smoke.add_medium(grid);
+    let air = smoke.add_material(Material::interface("smoke", grid));
+    put(&mut smoke, BoxShape { min, max }, DAffine3::IDENTITY, air);
+    all.push(("glass in smoke", compiled(&smoke)));
+    // Milk in glass in fog.
+    let mut milk = high_ball(glass(), fog());
+    let white = milk.add_medium(Homogeneous::scattering(Rgb::splat(1.5), Rgb::splat(0.9), 0.5));
+    let interior = Some(Interior { medium: Some(white), priority: 1 });
+    let material = Material { interior, ..Material::new("milk", Dielectric::smooth(1.33)) };
+    let material = milk.add_material(material);
+    put(&mut milk, Sphere { radius: 0.55 }, at(0.0, 2.2, 0.0), material);
+    add_lamp(&mut milk);
+    all.push(("milk in glass in fog", compiled(&milk)));
+    let mut moving = high_ball_under_a_lamp(glass(), fog());
+    let material = moving.materials.iter().position(|material| material.name == "ball");
+    let material = snell_scene::MaterialId(material.expect("it is there") as u32);
+    let small = Surface::shape(Sphere { radius: 0.4 }, material);
+    let [from, to] = [at(0.9, 1.2, 0.6), at(0.9, 2.2, 0.6)];
+    let node = Node { surfaces: vec![small], transform: from, ..Node::named("moving") };
+    let node = moving.add_child(moving.root, node);
+    let pose = Pose { transforms: [(node, to)].into(), ..Pose::default() };
+    let motion = Moving { nodes: [node].into(), later: vec![pose] };
+    let moving = CompiledScene::moving(&moving, &motion, &BuildOptions::default(), None);
+    all.push(("moving glass in fog", moving.expect("the scene compiles")));
+    all
+}
+
+#[test]
+fn photons_and_paths_agree_about_light_that_media_scatter() {
+    let mut failed = Vec::new();
+    for (name, scene) in scenes_with_media() {
+        for color in ColorModel::ALL {
+            if color == ColorModel::Spectral && name != "flint glass in fog" {
+                continue;
+            }
+            let regions = [Crop::full([56; 2]), SHAFT];
+            let of = |caustics, spp, seeds| {
+                let settings = Settings { color, ..by(caustics, spp) };
+                means(&scene, &camera_of_the_shaft(), &settings, seeds, &regions)
+            };
+            let [on, off] = [of(ON, 32, 5), of(CausticsMode::Off, 160, 5)];
+            for (region, (on, off)) in ["whole", "shaft"].iter().zip(on.iter().zip(&off)) {
+                let error = on[1].hypot(off[1]) / off[0];
+                let ratio = on[0] / off[0];
+                let z = (ratio - 1.0) / error;
+                eprintln!(
+                    "{name}, {color:?}, {region}: {on:?} {off:?}, z {z:+.2}, ratio {ratio:.4}"
+                );
+                if (ratio - 1.0).abs() > 0.004 + 3.5 * error {
+                    failed.push(format!("{name}, {color:?}, {region}: {ratio}"));
+                }
+            }
+        }
+    }
+    assert!(failed.is_empty(), "{failed:?}");
+}
+
+/// A box of a medium in the shadow of a ball, in the light of a spot. A ball that bends no light changes nothing, but only
+/// photons bring light through it.
+#[test]
+fn a_ball_of_air_casts_no_shadow_into_media() {
+    let (min, max) = (DVec3::new(-0.5, 0.2, -0.4), DVec3::new(0.4, 1.4, 0.5));
+    let n = 5;
+    let density = (0..n * n * n).map(|i| (i % n + i / n % n) as f32 / n as f32).collect();
+    let density = ScalarGrid::new([n; 3], density).expect("as many as cells");
+    let place = DAffine3 { translation: min, ..DAffine3::from_scale(max - min) };
+    let (dim, bright) = (Rgb::new(0.1, 0.2, 0.4), Rgb::new(0.5, 0.4, 0.3));
+    let media: [Medium; 5] = [
+        fog().into(),
+        Homogeneous::scattering(Rgb::new(2.0, 4.0, 8.0), Rgb::splat(0.9), -0.2).into(),
+        HeightFog { scale_height: 0.3, ..HeightFog::examples().remove(0) }.into(),
+        Grid::new(dim, bright, 0.6, density, place).into(),
+        Homogeneous { g: 0.8, ..fog() }.into(),
+    ];
+    let camera = Camera::look_at(Vec3::new(0.5, 1.8, 3.5), Vec3::new(0.0, 0.8, 0.0), Vec3::Y, 0.25);
+    for medium in media {
+        let mut without = Scene::new("box");
+        let medium = without.add_medium(medium);
+        let interface = without.add_material(Material::interface("box", medium));
+        put(&mut without, BoxShape { min, max }, DAffine3::IDENTITY, interface);
+        let position = DVec3::new(0.0, 5.0, 0.0);
+        let intensity = Rgb::splat(30.0);
+        // The cone ends within the box, at whose sides photons are missing.
+        let falloff = SpotFalloff::Power { cutoff: 0.07, exponent: 0.0 };
+        let direction = DVec3::NEG_Y;
+        without.add_light(Spot { position, intensity, direction, falloff, ..spot_example() });
+        let mut with = without.clone();
+        let air = with.add_material(Material::new("ball", Dielectric::smooth(1.0)));
+        put(&mut with, Sphere { radius: 0.7 }, at(0.0, 2.2, 0.0), air);
+        for color in ColorModel::ALL {
+            let of = |scene: &Scene, caustics, spp| {
+                let settings = Settings { color, max_depth: 60, ..by(caustics, spp) };
+                mean(&compiled(scene), &camera, &settings, 4)
+            };
+            let expected = of(&without, CausticsMode::Off, 64);
+            let [on, off] = [of(&with, CausticsMode::Auto, 64), of(&with, CausticsMode::Off, 8)];
+            let error = on[1].hypot(expected[1]) / expected[0];
+            let ratio = on[0] / expected[0];
+            eprintln!(
+                "{}, {color:?}: {on:?} {off:?} {expected:?} {ratio} {error}",
+                with.media[0].name()
+            );
+            assert!((ratio - 1.0).abs() < 0.004 + 3.5 * error, "{on:?} {expected:?}");
+            assert!(off[0] == 0.0, "{off:?}");
+        }
+    }
 }

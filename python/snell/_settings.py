@@ -81,8 +81,8 @@ class RenderSettings(TypedDict, total=False):
     """
 
     photons: int | None
-    """Photons for each 16 samples of a pixel (`caustics`). A million take up to 32 MB.
-    Default: twice as many as the picture has pixels, from 131072 to 4194304.
+    """Photons for each 16 samples of a pixel (`caustics`). A million take up to 32 MB, and 116
+    MB in fog. Default: twice as many as the picture has pixels, from 131072 to 4194304.
     """
 
     clamp: float | None

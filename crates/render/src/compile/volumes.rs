@@ -3,7 +3,9 @@
 use super::CompileError;
 use crate::light_sampler::{LightSummary, LightTable};
 use snell_scene::material::Interior;
-use snell_scene::medium::{EquiangularLight, Glow, PreparedMedium};
+use snell_scene::medium::{
+    Cloud, EquiangularLight, Glow, Grid, HeightFog, Homogeneous, Medium, PreparedMedium,
+};
 use snell_scene::{Material, MaterialId, MediumId, Scene, SceneError};
 
 /// The media of a scene and the surfaces that bound them. Scenes without media have no table, so
@@ -11,6 +13,8 @@ use snell_scene::{Material, MaterialId, MediumId, Scene, SceneError};
 #[derive(Debug)]
 pub struct VolumeTable {
     media: Vec<PreparedMedium>,
+    /// By medium: whether it scatters light.
+    scatters: Vec<bool>,
     /// The medium outside of all interiors.
     pub everywhere: Option<MediumId>,
     boundaries: Vec<Option<Boundary>>,
@@ -102,6 +106,7 @@ impl VolumeTable {
         let has_priorities = priorities.any(|p| Some(p) != first);
         Ok(Some(Self {
             media: scene.media.iter().map(PreparedMedium::new).collect(),
+            scatters: scene.media.iter().map(scatters).collect(),
             everywhere: scene.medium,
             has_passable: has_priorities || boundaries.iter().flatten().any(|b| b.is_interface),
             sees_all: materials.iter().all(|m| m.is_interface() || !m.needs_filter()),
@@ -114,6 +119,11 @@ impl VolumeTable {
     /// A medium of the scene.
     pub fn medium(&self, id: MediumId) -> &PreparedMedium {
         &self.media[id.index()]
+    }
+
+    /// True if a medium of the scene scatters light.
+    pub fn scatters(&self, id: MediumId) -> bool {
+        self.scatters[id.index()]
     }
 
     /// The media that occur in the scene and whose emission can be sampled.
@@ -135,4 +145,13 @@ impl VolumeTable {
     pub fn boundary(&self, material: MaterialId) -> Option<&Boundary> {
         self.boundaries[material.index()].as_ref()
     }
+}
+
+/// True if a medium scatters light.
+fn scatters(medium: &Medium) -> bool {
+    let (Medium::Homogeneous(Homogeneous { sigma_s, .. })
+    | Medium::HeightFog(HeightFog { sigma_s, .. })
+    | Medium::Grid(Grid { sigma_s, .. })
+    | Medium::Cloud(Cloud { sigma_s, .. })) = medium;
+    sigma_s.r > 0.0 || sigma_s.g > 0.0 || sigma_s.b > 0.0
 }

@@ -32,14 +32,14 @@ const IS_SPECULAR: u32 = 2;
 const AFTER_RECEIVER: u32 = 4;
 const AFTER_CASTER: u32 = 8;
 
-/// What a path has met since the last surface at which photons are gathered. It is
+/// What a path has met since the last surface or medium at which photons are gathered. It is
 /// [`Chain::Free`] in renders without photons.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Chain {
-    /// No such surface, or something else than casters of caustics since.
+    /// No such place, or something else than casters of caustics since.
     #[default]
     Free,
-    /// Nothing: the path comes from such a surface.
+    /// Nothing: the path comes from such a place.
     Receiver,
     /// Casters only, and at least one. Photons bring the light of lamps that the path meets now.
     Casters,

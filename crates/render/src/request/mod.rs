@@ -164,7 +164,8 @@ settings! {
         /// through such surfaces. The scene's own comes before the default.
         #[setting(Light, "NAME", "str"; live)]
         pub caustics: CausticsMode,
-        /// Photons for each 16 samples of a pixel (`caustics`). A million take up to 32 MB.
+        /// Photons for each 16 samples of a pixel (`caustics`). A million take up to 32 MB, and 116
+        /// MB in fog.
         #[setting(
             Light, "N", "int", range Range::Within(1.0, Request::MAX_PHOTONS as f64),
             default "twice as many as the picture has pixels, from 131072 to 4194304"; live

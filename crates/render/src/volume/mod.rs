@@ -27,4 +27,4 @@ pub use interface_crossings::InterfaceCrossings;
 pub use known::KnownInsides;
 pub use numbers::Numbers;
 pub use surroundings::Surroundings;
-pub use walk::{LightStep, PathStep, Walker, end_of, length_to};
+pub use walk::{LightStep, PathStep, ScatteringMedium, Walker, end_of, length_to};

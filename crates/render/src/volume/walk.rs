@@ -36,6 +36,15 @@ pub enum PathStep {
     Passed,
 }
 
+/// A medium that scatters light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScatteringMedium {
+    /// See [`Walker::medium_tag`].
+    pub tag: u16,
+    /// The mean extinction per scene unit; `None` if it is not the same everywhere.
+    pub extinction: Option<f32>,
+}
+
 /// What happened to a light ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightStep {
@@ -365,6 +374,40 @@ impl<'a> Walker<'a> {
         self.table.equiangular_lights.is_some()
             && carried.marks.is_specular()
             && self.strategy != LightStrategy::Bsdf
+    }
+
+    /// The medium inside these objects, if it scatters light.
+    pub fn scattering_medium(
+        &self,
+        own: &OwnMedia,
+        insides: &Insides,
+        mode: ColorMode,
+    ) -> Option<ScatteringMedium> {
+        let everywhere = match self.filling(insides) {
+            Filling::Own(i) => {
+                Some(own[i as usize]).filter(|own| !own.sigma_s.is_black()).map(Some)?
+            }
+            Filling::Medium(id) if self.table.scatters(id) => {
+                self.table.medium(id).everywhere(mode)
+            }
+            Filling::Empty | Filling::Medium(_) => return None,
+        };
+        let extinction = everywhere.map(|medium| medium.sigma_t().average());
+        Some(ScatteringMedium { tag: self.medium_tag(insides), extinction })
+    }
+
+    /// A number that tells the media inside these objects apart, all but a few in scenes with more
+    /// than thousands.
+    pub fn medium_tag(&self, insides: &Insides) -> u16 {
+        /// The bit of media that materials define.
+        const OWN: u16 = 1 << 15;
+        match self.filling(insides) {
+            Filling::Empty => 0,
+            Filling::Medium(id) => id.0 as u16 & !OWN,
+            Filling::Own(_) => {
+                insides.innermost().map_or(0, |inside| inside.material.0 as u16) | OWN
+            }
+        }
     }
 
     fn filling(&self, insides: &Insides) -> Filling {

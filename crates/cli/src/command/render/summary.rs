@@ -123,9 +123,11 @@ impl Summary<'_> {
                 "photons_of_pass": photons.of_pass,
                 "passes": photons.passes,
                 "landed": photons.landed,
+                "in_media": photons.in_media,
                 "seconds": photons.time.as_secs_f64(),
                 "map_bytes": photons.map_bytes,
                 "first_radius": photons.first_radius,
+                "first_radius_in_media": photons.first_radius_in_media,
             })),
             "spp": self.facts.film.least_samples(),
             "spp_mean": self.facts.film.mean_samples(),
@@ -174,9 +176,16 @@ impl Summary<'_> {
             );
         }
         if let Some(photons) = self.facts.photons {
+            let in_media = match photons.in_media {
+                0 => String::new(),
+                points => format!(
+                    " and {points} points in media, there of first radius {:.3},",
+                    photons.first_radius_in_media,
+                ),
+            };
             eprintln!(
-                "caustics by {} photons in {} pass{} of {} ({:.1} s of threads, maps of {:.1} MB, \
-                 first radius {:.3})",
+                "caustics by {} photons{in_media} in {} pass{} of {} ({:.1} s of threads, maps of \
+                 {:.1} MB, first radius {:.3})",
                 photons.landed,
                 photons.passes,
                 if photons.passes == 1 { "" } else { "es" },

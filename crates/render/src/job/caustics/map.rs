@@ -1,18 +1,19 @@
-//! A photon map: where photons of one pass ended, in a hash grid.
+//! A photon map: where photons of one pass ended, or where they left points in media, in a hash
+//! grid.
 
 use crate::integrator::light_part::LightSource;
 use snell_math::{Bounds3, SampledSpectrum, Vec3, rng};
 
-/// A photon at the surface where it ended.
+/// A photon at the surface where it ended, or at a point of its way through a medium.
 #[derive(Clone, Copy, Debug)]
 pub struct Landed {
-    /// The point of the surface.
+    /// The point.
     pub position: Vec3,
     /// Unit direction towards which the photon came from.
     pub direction: Vec3,
     /// The number of surfaces that have scattered it.
     pub bounces: u32,
-    /// Its power in W.
+    /// Its power in W; in a medium, its power times the length for which the point stands.
     pub flux: SampledSpectrum,
     /// The random number in `[0, 1)` that chose its wavelengths; 0 in RGB mode.
     pub hue: f32,
@@ -20,6 +21,8 @@ pub struct Landed {
     pub time: f32,
     /// The lamp that has sent it.
     pub source: LightSource,
+    /// The [tag](crate::volume::Walker::medium_tag) of the medium; 0 on a surface.
+    pub medium: u16,
 }
 
 /// A photon as it is kept: 24 bytes.
@@ -44,6 +47,8 @@ pub struct Kept {
     pub times: bool,
     /// True if photons know their lamps.
     pub sources: bool,
+    /// True if photons know their media.
+    pub media: bool,
 }
 
 /// The photons of one pass.
@@ -53,6 +58,7 @@ pub struct PhotonMap {
     hues: Vec<u16>,
     times: Vec<u16>,
     sources: Vec<LightSource>,
+    media: Vec<u16>,
     /// The first photon of each bucket, and the number of photons at the end.
     starts: Vec<u32>,
     /// A bit for every cell, by its hash: set if photons may be within the radius of some point of
@@ -121,6 +127,9 @@ impl PhotonMap {
         if kept.sources {
             map.sources = sorted().map(|photon| photon.source).collect();
         }
+        if kept.media {
+            map.media = sorted().map(|photon| photon.medium).collect();
+        }
         map
     }
 
@@ -132,7 +141,7 @@ impl PhotonMap {
     /// Memory in bytes.
     pub fn memory_bytes(&self) -> usize {
         self.photons.len() * size_of::<Photon>()
-            + (self.hues.len() + self.times.len()) * size_of::<u16>()
+            + (self.hues.len() + self.times.len() + self.media.len()) * size_of::<u16>()
             + self.sources.len() * size_of::<LightSource>()
             + self.starts.len() * size_of::<u32>()
             + self.touched.len() * size_of::<u64>()
@@ -184,7 +193,7 @@ impl PhotonMap {
         (unfolded([way >> 20, way >> 8 & 0xfff]), way & 0xff)
     }
 
-    /// The power of a photon in W.
+    /// The power of a photon in W, in media times a length.
     #[inline]
     pub fn flux(&self, photon: u32) -> SampledSpectrum {
         let flux = self.photons[photon as usize].flux;
@@ -207,6 +216,12 @@ impl PhotonMap {
     #[inline]
     pub fn source(&self, photon: u32) -> Option<LightSource> {
         self.sources.get(photon as usize).copied()
+    }
+
+    /// The tag of the medium of a photon.
+    #[inline]
+    pub fn medium(&self, photon: u32) -> u16 {
+        self.media[photon as usize]
     }
 }
 
@@ -297,13 +312,14 @@ mod tests {
             hue: b.y,
             time: a.x,
             source: LightSource::Light(i),
+            medium: i as u16,
         }
     }
 
     #[test]
     fn a_map_finds_all_photons_within_its_radius_once() {
         let all: Vec<Landed> = (0..3000).map(landed).collect();
-        let kept = Kept { hues: true, times: true, sources: true };
+        let kept = Kept { hues: true, times: true, sources: true, media: true };
         for radius in [0.01, 0.1, 0.7, 5.0] {
             let map = PhotonMap::new(&all, radius, kept);
             assert_eq!(map.len(), all.len());
@@ -328,7 +344,7 @@ mod tests {
     #[test]
     fn photons_are_kept_to_three_digits() {
         let all: Vec<Landed> = (0..1000).map(landed).collect();
-        let kept = Kept { hues: true, times: true, sources: true };
+        let kept = Kept { hues: true, times: true, sources: true, media: true };
         let map = PhotonMap::new(&all, 0.1, kept);
         for photon in 0..1000 {
             let Some(LightSource::Light(i)) = map.source(photon) else { panic!("it is kept") };
@@ -342,6 +358,7 @@ mod tests {
                 assert!((a - b).abs() <= 0.004 * b);
             }
             assert!((map.hue(photon) - from.hue).abs() < 2e-5);
+            assert_eq!(map.medium(photon), from.medium);
             assert!(map.time(photon).is_some_and(|time| (time - from.time).abs() < 2e-5));
         }
         assert_eq!(PhotonMap::default().near(Vec3::ZERO).photons().count(), 0);

@@ -2,9 +2,10 @@
 //! paths find by chance or not at all.
 //!
 //! Photons fly from lamps through *casters* ([`crate::compile::casters`]) and land on the first
-//! other surface. Paths gather them at every surface where they are scattered. In exchange, a path
-//! that goes on from such a surface through casters alone to a lamp that sends photons does not
-//! count its light: each light path is found in exactly one way. The gathering is progressive
+//! other surface; in media that scatter light, they leave points on the way there. Paths gather
+//! them wherever they are scattered. In exchange, a path that goes on from there through casters
+//! alone to a lamp that sends photons does not count its light: each light path is found in exactly
+//! one way. The gathering is progressive
 //! photon mapping with a pass of its own for each block of samples (Knaus and Zwicker, Progressive
 //! photon mapping: a probabilistic approach, 2011; Jensen, Global illumination using photon maps,
 //! 1996).
@@ -14,6 +15,7 @@
 
 mod lamps;
 mod map;
+mod media;
 mod shoot;
 
 pub use lamps::Lamps;
@@ -27,7 +29,7 @@ use crate::light_sampler::LightSampler;
 use crate::sampler::{Sampler, SamplerKind};
 use crate::settings::{CausticsMode, Settings};
 use map::{Kept, Landed};
-use shoot::Shooter;
+use shoot::{Shooter, Shot};
 use snell_math::{ColorModel, Vec3, real, rng};
 use snell_scene::{Camera, CameraSample};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -50,14 +52,16 @@ const NEIGHBORS: f32 = 12.0;
 /// this is done.
 const MEASURED: usize = 8;
 const PROBES: usize = 256;
-/// How fast the radius falls: the `alpha` of Knaus and Zwicker.
+/// How fast the radius falls: the `alpha` of Knaus and Zwicker. In media, where noise grows with
+/// the third power of its inverse, it falls more slowly.
 const ALPHA: f64 = 2.0 / 3.0;
+const ALPHA_IN_MEDIA: f64 = 4.0 / 7.0;
 /// The least first radius, in pixels.
 const LEAST_PIXELS: f32 = 0.7;
 /// The largest first radius, in radii of the scene.
 const LARGEST: f32 = 0.05;
-/// The least share of scouts that land, and the least share of the power of all lamps that they
-/// carry, for which [`CausticsMode::Auto`] takes photons.
+/// The least share of scouts that land or that media scatter, and the least share of the power of
+/// all lamps that they carry, for which [`CausticsMode::Auto`] takes photons.
 const LEAST_LANDED: f32 = 0.002;
 const LEAST_POWER: f64 = 2e-4;
 /// The width of the window of wavelengths, as a share of the way from one wavelength of a path to
@@ -82,8 +86,8 @@ pub struct Caustics<'a> {
 /// each a job of its own, does not shoot its photons anew at each.
 struct Stock {
     lamps: Lamps,
-    /// The radius of the first pass.
-    first_radius: f32,
+    /// The radii of the first pass, on surfaces and in media.
+    first_radii: [f32; 2],
     /// Photons of a pass.
     count: u32,
     kept: Kept,
@@ -100,10 +104,14 @@ pub struct PhotonCounts {
     pub passes: u32,
     /// The number of photons that have landed, in all passes.
     pub landed: u64,
-    /// The largest memory of a map in bytes.
+    /// The number of points that photons have left in media, in all passes.
+    pub in_media: u64,
+    /// The largest memory of the maps of a pass in bytes.
     pub map_bytes: u64,
     /// The radius of the first pass, in scene units.
     pub first_radius: f32,
+    /// The same of points in media.
+    pub first_radius_in_media: f32,
     /// The time that threads took to shoot photons, and to make maps of them.
     pub time: Duration,
 }
@@ -113,9 +121,18 @@ struct Pass {
     number: u32,
     next: AtomicUsize,
     left: AtomicUsize,
-    batches: Vec<Mutex<Vec<Landed>>>,
-    map: Mutex<Option<Arc<PhotonMap>>>,
+    batches: Vec<Mutex<Shot>>,
+    maps: Mutex<Option<Arc<PhotonMaps>>>,
     is_ready: Condvar,
+}
+
+/// The maps of a pass.
+#[derive(Debug)]
+pub struct PhotonMaps {
+    /// The photons that have landed on surfaces.
+    pub on_surfaces: PhotonMap,
+    /// The points that photons have left in media.
+    pub in_media: PhotonMap,
 }
 
 /// How wide the windows are through which photons are gathered in a pass.
@@ -176,19 +193,28 @@ impl<'a> Caustics<'a> {
             hues: settings.color == ColorModel::Spectral,
             times: scene.moves,
             sources: !settings.aovs.is_empty(),
+            media: false,
         };
-        let (maps, tally, first_radius) = (Mutex::default(), Mutex::default(), 0.0);
-        let stock = Arc::new(Stock { lamps, first_radius, count, kept, maps, tally });
+        let (maps, tally, first_radii) = (Mutex::default(), Mutex::default(), [0.0; 2]);
+        let stock = Arc::new(Stock { lamps, first_radii, count, kept, maps, tally });
         let looking = Self { scene, settings, light_sampler, stock };
         let scouts = looking.scouts();
         if mode == CausticsMode::Auto && !looking.is_worth_it(&scouts) {
             return None;
         }
-        let first_radius = looking.radius_for(&scouts, camera);
+        let first_radii = [
+            looking.radius_for(&scouts.landed, camera, 2),
+            looking.radius_for(&scouts.in_media, camera, 3),
+        ];
         let mut stock = Arc::into_inner(looking.stock)?;
-        stock.first_radius = first_radius;
-        *lock(&stock.tally) =
-            PhotonCounts { of_pass: count, first_radius, ..PhotonCounts::default() };
+        stock.first_radii = first_radii;
+        let [first_radius, in_media] = first_radii;
+        *lock(&stock.tally) = PhotonCounts {
+            of_pass: count,
+            first_radius,
+            first_radius_in_media: if scouts.in_media.is_empty() { 0.0 } else { in_media },
+            ..PhotonCounts::default()
+        };
         Some(Arc::new(stock))
     }
 
@@ -198,26 +224,29 @@ impl<'a> Caustics<'a> {
     }
 
     /// A few photons, for a first look.
-    fn scouts(&self) -> Vec<Landed> {
-        let (mut landed, sampler) = (Vec::new(), self.sampler(FIRST_LOOK, SCOUTS));
+    fn scouts(&self) -> Shot {
+        let (mut shot, sampler) = (Shot::default(), self.sampler(FIRST_LOOK, SCOUTS));
         let mut tracer = Tracer::new(self.scene, None, None);
-        let mut shooter = Shooter::new(self);
+        let mut shooter = Shooter::new(self, 0.0);
         for first in (0..SCOUTS).step_by(BATCH as usize) {
-            shooter.shoot(&sampler, first..first + BATCH, SCOUTS, &mut tracer, &mut landed);
+            shooter.shoot(&sampler, first..first + BATCH, SCOUTS, &mut tracer, &mut shot);
         }
-        landed
+        shot
     }
 
-    /// True if enough of the light lands.
-    fn is_worth_it(&self, scouts: &[Landed]) -> bool {
+    /// True if enough of the light lands, or is scattered by media.
+    fn is_worth_it(&self, Shot { landed, scattered, .. }: &Shot) -> bool {
         let power: f64 = (0..self.scene.lights().len()).map(|i| self.scene.light_power(i)).sum();
-        let landed: f64 = scouts.iter().map(|photon| f64::from(photon.flux.average())).sum();
-        scouts.len() as f32 > LEAST_LANDED * SCOUTS as f32 && landed > LEAST_POWER * power
+        let on_surfaces: f64 = landed.iter().map(|photon| f64::from(photon.flux.average())).sum();
+        let count = landed.len() as u32 + scattered.0;
+        count as f32 > LEAST_LANDED * SCOUTS as f32
+            && on_surfaces + scattered.1 > LEAST_POWER * power
     }
 
-    /// The radius of the first pass, from the density of the scouts where they landed: the median
-    /// of the distances to some neighbours. It is not much less than a pixel is wide there.
-    fn radius_for(&self, scouts: &[Landed], camera: &Camera) -> f32 {
+    /// The radius of the first pass, from the density of what scouts have left: the median of the
+    /// distances to some neighbours in a space of two or three dimensions. It is not much less than
+    /// a pixel is wide there.
+    fn radius_for(&self, scouts: &[Landed], camera: &Camera, dimensions: u8) -> f32 {
         let most = LARGEST * self.scene.radius;
         let step = (scouts.len() / PROBES).max(1);
         let probes = scouts.iter().step_by(step);
@@ -235,7 +264,7 @@ impl<'a> Caustics<'a> {
         let middle = distances.len() / 2;
         let median = *distances.select_nth_unstable_by(middle, f32::total_cmp).1;
         let share = NEIGHBORS / MEASURED as f32 * SCOUTS as f32 / self.stock.count as f32;
-        let wide = median * share.sqrt();
+        let wide = median * if dimensions == 2 { share.sqrt() } else { real::cbrt(share) };
         let least = LEAST_PIXELS * self.pixel_width(scouts, camera);
         wide.max(least).min(most).max(1e-6 * self.scene.radius)
     }
@@ -263,11 +292,13 @@ impl<'a> Caustics<'a> {
         Sampler::new(SamplerKind::Sobol, seed, count)
     }
 
-    /// The radius of a pass.
-    fn radius(&self, pass: u32) -> f32 {
+    /// The radii of a pass, on surfaces and in media.
+    fn radii(&self, pass: u32) -> [f32; 2] {
         // The product of `(i + alpha) / (i + 1)` for `i` from 1 is about a power.
-        let shrunk = real::powf(f64::from(pass) + 1.0, (ALPHA - 1.0) * 0.5);
-        self.stock.first_radius * shrunk as f32
+        let shrunk = |exponent| real::powf(f64::from(pass) + 1.0, exponent) as f32;
+        let [on_surfaces, in_media] = self.stock.first_radii;
+        let exponents = [(ALPHA - 1.0) / 2.0, (ALPHA_IN_MEDIA - 1.0) / 3.0];
+        [on_surfaces * shrunk(exponents[0]), in_media * shrunk(exponents[1])]
     }
 
     /// The windows of a pass.
@@ -282,39 +313,41 @@ impl<'a> Caustics<'a> {
         *lock(&self.stock.tally)
     }
 
-    /// The map of a pass, which is made first if need be, together with other threads that ask for
-    /// it. `None` if the render is cancelled.
-    pub fn map(&self, pass: u32, tracer: &mut Tracer) -> Option<Arc<PhotonMap>> {
+    /// The maps of a pass, which are made first if need be, together with other threads that ask
+    /// for them. `None` if the render is cancelled.
+    pub fn maps(&self, pass: u32, tracer: &mut Tracer) -> Option<Arc<PhotonMaps>> {
         let slot = self.slot(pass);
-        if let Some(map) = &*lock(&slot.map) {
-            return Some(map.clone());
+        if let Some(maps) = &*lock(&slot.maps) {
+            return Some(maps.clone());
         }
         let begin = Instant::now();
-        let (sampler, mut shooter) = (self.sampler(pass, self.stock.count), Shooter::new(self));
+        let [_, reach] = self.radii(pass);
+        let sampler = self.sampler(pass, self.stock.count);
+        let mut shooter = Shooter::new(self, reach);
         loop {
             let batch = slot.next.fetch_add(1, Ordering::Relaxed);
-            let Some(landed) = slot.batches.get(batch) else { break };
+            let Some(shot) = slot.batches.get(batch) else { break };
             let first = batch as u32 * BATCH;
             let end = first.saturating_add(BATCH).min(self.stock.count);
-            shooter.shoot(&sampler, first..end, self.stock.count, tracer, &mut lock(landed));
+            shooter.shoot(&sampler, first..end, self.stock.count, tracer, &mut lock(shot));
             if slot.left.fetch_sub(1, Ordering::AcqRel) == 1 {
                 self.finish(&slot);
             }
         }
         lock(&self.stock.tally).time += begin.elapsed();
-        let mut map = lock(&slot.map);
+        let mut maps = lock(&slot.maps);
         loop {
             if tracer.is_cancelled() {
                 // What was shot may be incomplete.
                 lock(&self.stock.maps).retain(|kept| kept.number != pass);
                 return None;
             }
-            if let Some(map) = &*map {
-                return Some(map.clone());
+            if let Some(maps) = &*maps {
+                return Some(maps.clone());
             }
             let pause = Duration::from_millis(50);
-            let waited = slot.is_ready.wait_timeout(map, pause);
-            map = waited.unwrap_or_else(PoisonError::into_inner).0;
+            let waited = slot.is_ready.wait_timeout(maps, pause);
+            maps = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
@@ -330,7 +363,7 @@ impl<'a> Caustics<'a> {
             next: AtomicUsize::new(0),
             left: AtomicUsize::new(batches),
             batches: (0..batches).map(|_| Mutex::default()).collect(),
-            map: Mutex::default(),
+            maps: Mutex::default(),
             is_ready: Condvar::new(),
         });
         if maps.len() >= KEPT_MAPS {
@@ -340,17 +373,25 @@ impl<'a> Caustics<'a> {
         pass
     }
 
-    /// Makes the map of a pass whose photons have all been shot.
+    /// Makes the maps of a pass whose photons have all been shot.
     fn finish(&self, pass: &Pass) {
-        let landed: Vec<Landed> =
-            pass.batches.iter().flat_map(|batch| std::mem::take(&mut *lock(batch))).collect();
-        let map = PhotonMap::new(&landed, self.radius(pass.number), self.stock.kept);
+        let (mut landed, mut points) = (Vec::new(), Vec::new());
+        for batch in &pass.batches {
+            let shot = std::mem::take(&mut *lock(batch));
+            landed.extend(shot.landed);
+            points.extend(shot.in_media);
+        }
+        let ([radius, radius_in_media], kept) = (self.radii(pass.number), self.stock.kept);
+        let on_surfaces = PhotonMap::new(&landed, radius, kept);
+        let in_media = PhotonMap::new(&points, radius_in_media, Kept { media: true, ..kept });
         let mut tally = lock(&self.stock.tally);
         tally.passes += 1;
-        tally.landed += map.len() as u64;
-        tally.map_bytes = tally.map_bytes.max(map.memory_bytes() as u64);
+        tally.landed += on_surfaces.len() as u64;
+        tally.in_media += in_media.len() as u64;
+        let bytes = on_surfaces.memory_bytes() + in_media.memory_bytes();
+        tally.map_bytes = tally.map_bytes.max(bytes as u64);
         drop(tally);
-        *lock(&pass.map) = Some(Arc::new(map));
+        *lock(&pass.maps) = Some(Arc::new(PhotonMaps { on_surfaces, in_media }));
         pass.is_ready.notify_all();
     }
 }

@@ -1,4 +1,5 @@
-//! Photons: from lamps through casters to the first surface of another kind.
+//! Photons: from lamps through casters to the first surface of another kind. What they leave in
+//! media on the way is in [`super::media`].
 //!
 //! Each photon is aimed at one target ([`crate::compile::casters`]) and counts only if the first
 //! surface that it meets is one of that target, so that each light path is found in one way,
@@ -11,6 +12,7 @@
 use super::Caustics;
 use super::lamps::Aim;
 use super::map::Landed;
+use super::media::Ends;
 use crate::compile::CompiledLight;
 use crate::compile::casters::Target;
 use crate::integrator::carried::{Carried, Expected};
@@ -30,7 +32,11 @@ use std::f32::consts::PI;
 /// longer is lost.
 const MOST_BOUNCES: u32 = 254;
 
-/// The dimensions of the photons' random numbers, by use.
+/// The largest number of media on one way of a photon whose random numbers are all different.
+const MOST_PASSED: u32 = 64;
+
+/// The dimensions of the photons' random numbers, by use. From the last on, each medium on the way
+/// has one.
 mod dimension {
     pub const AIM: u32 = 0;
     pub const POSITION: u32 = 1;
@@ -40,50 +46,66 @@ mod dimension {
     pub const LOBE: u32 = 5;
     pub const BSDF: u32 = 6;
     pub const ROULETTE: u32 = 7;
+    pub const KEPT: u32 = 8;
+    pub const PLACE: u32 = 9;
 }
 
 /// A photon in flight.
 #[derive(Clone, Copy)]
-struct Photon {
-    ray: Ray,
-    state: PathState,
+pub(super) struct Photon {
+    pub ray: Ray,
+    pub state: PathState,
     /// The largest lane of its power at the start.
     first_flux: f32,
-    hue: f32,
-    bounces: u32,
+    pub hue: f32,
+    pub bounces: u32,
     /// The target that its first surface must belong to.
     target: u32,
-    source: LightSource,
+    pub source: LightSource,
     /// For a lamp without a surface: the number of the light, the random numbers that choose a
     /// point of it, and that point. The power follows from the irradiance where the photon meets
     /// the first surface.
     bare: Option<(usize, Vec2, Vec3)>,
-    random: Random,
+    pub random: Random,
+}
+
+/// What some photons have left.
+#[derive(Debug, Default)]
+pub struct Shot {
+    /// Where they ended on surfaces.
+    pub landed: Vec<Landed>,
+    /// Points of their ways through media that scatter light.
+    pub in_media: Vec<Landed>,
+    /// The number of photons that media have scattered after a caster, and their power in W.
+    pub scattered: (u32, f64),
 }
 
 /// Shoots photons on one thread.
 pub struct Shooter<'a> {
-    caustics: &'a Caustics<'a>,
+    pub(super) caustics: &'a Caustics<'a>,
     walker: Option<Walker<'a>>,
-    own: OwnMedia,
+    pub(super) own: OwnMedia,
+    /// The radius within which points in media are gathered.
+    pub(super) reach: f32,
 }
 
 impl<'a> Shooter<'a> {
-    pub fn new(caustics: &'a Caustics<'a>) -> Self {
+    /// `reach` is the radius within which points in media are gathered.
+    pub fn new(caustics: &'a Caustics<'a>, reach: f32) -> Self {
         let Caustics { scene, settings, light_sampler, .. } = caustics;
         let context =
             Context { scene, settings, lights: light_sampler, field: None, wants_lobes: false };
-        Self { caustics, walker: Walker::new(&context), own: OwnMedia::new() }
+        Self { caustics, walker: Walker::new(&context), own: OwnMedia::new(), reach }
     }
 
-    /// Shoots photons `range` of a set of `count`, and adds those that land to `landed`.
+    /// Shoots photons `range` of a set of `count`, and adds what they leave to `shot`.
     pub fn shoot(
         &mut self,
         sampler: &Sampler,
         range: std::ops::Range<u32>,
         count: u32,
         tracer: &mut Tracer,
-        landed: &mut Vec<Landed>,
+        shot: &mut Shot,
     ) {
         let photons = range.filter_map(|i| {
             let mut photon = self.emitted(sampler.random([0, 0], i))?;
@@ -97,7 +119,7 @@ impl<'a> Shooter<'a> {
                 if tracer.is_cancelled() {
                     return;
                 }
-                self.shoot_through_media(photon, landed);
+                self.shoot_through_media(photon, shot);
             }
             return;
         }
@@ -109,16 +131,15 @@ impl<'a> Shooter<'a> {
             times.extend(photons.iter().map(|photon| photon.state.time));
             tracer.closest(&rays, &times, Grouping::None, &mut hits);
             let of = |(photon, hit): (&Photon, &Hit)| {
-                let (next, _) = self.arrived(photon, hit, 1.0, landed)?;
+                let (next, _) = self.arrived(photon, hit, 1.0, &mut shot.landed)?;
                 Some(next)
             };
             photons = photons.iter().zip(&hits).filter_map(of).collect();
         }
     }
 
-    /// Follows one photon to its end in a scene with media. Those that a medium scatters are left
-    /// to paths.
-    fn shoot_through_media(&mut self, mut photon: Photon, landed: &mut Vec<Landed>) {
+    /// Follows one photon to its end in a scene with media. It ends where a medium scatters it.
+    fn shoot_through_media(&mut self, mut photon: Photon, shot: &mut Shot) {
         let Some(walker) = self.walker else { return };
         self.own.clear();
         let is_inside = photon.ray.origin.distance(self.caustics.scene.center)
@@ -130,16 +151,14 @@ impl<'a> Shooter<'a> {
             }
             false => Insides::default(),
         };
+        let (first, mut begin) = (shot.in_media.len(), None);
         loop {
-            let hit = match self.travelled(&walker, &mut photon, &mut insides) {
-                Some(hit) => hit,
-                None => return,
-            };
+            let way = (&mut photon, &mut insides);
+            let Some(hit) = self.travelled(&walker, way, begin, shot) else { break };
             let outside_ior = walker.outside_ior(&insides, &hit);
             let arriving = photon.ray.direction;
-            let Some((next, surface)) = self.arrived(&photon, &hit, outside_ior, landed) else {
-                return;
-            };
+            let next = self.arrived(&photon, &hit, outside_ior, &mut shot.landed);
+            let Some((next, surface)) = next else { break };
             let (normal, direction) = (surface.geometric_normal, next.ray.direction);
             if direction.dot(normal) * arriving.dot(normal) > 0.0 {
                 insides = walker.beyond(
@@ -151,24 +170,47 @@ impl<'a> Shooter<'a> {
                     photon.state.mode,
                 );
             }
+            begin = Some(direction.dot(normal).abs());
             photon = next;
         }
+        let chosen = photon.random.at_vertex(1, 0).number(dimension::KEPT);
+        super::media::choose(&mut shot.in_media, first, chosen);
     }
 
     /// Moves a photon through media and their boundaries to its next surface. `None` if it leaves
-    /// the scene or a medium scatters or absorbs it.
+    /// the scene or a medium scatters or absorbs it. `begin` is the cosine of its direction with
+    /// the surface that it comes from.
     fn travelled(
         &mut self,
         walker: &Walker,
-        photon: &mut Photon,
-        insides: &mut Insides,
+        (photon, insides): (&mut Photon, &mut Insides),
+        begin: Option<f32>,
+        shot: &mut Shot,
     ) -> Option<Hit> {
         let (mut carried, rest) = Carried::of(&photon.state);
         let vertex = photon.random.at_vertex(1, photon.bounces);
         let mut numbers = Numbers::of_path(vertex, 0);
+        let (mut begin, mut passed) = (begin, 0);
         loop {
             let query = RayQuery { time: rest.time, ..RayQuery::from(&photon.ray) };
-            let hit = self.caustics.scene.world.closest_one(query, walker.filter());
+            let scene = self.caustics.scene;
+            let hit = scene.world.closest_one(query, walker.filter());
+            if photon.bounces > 0
+                && let Some(medium) =
+                    walker.scattering_medium(&self.own, insides, photon.state.mode)
+            {
+                let end = hit.is_hit().then(|| {
+                    let normal = scene.world.point(query, &hit).geometric_normal;
+                    normal.dot(photon.ray.direction).abs()
+                });
+                let u = vertex.number(dimension::PLACE + passed);
+                let mut numbers = Numbers::of_light_ray(vertex, passed);
+                let ends = Ends { begin, end };
+                let way = (&*photon, &*insides, &hit, ends);
+                self.leave_points(walker, medium, way, u, &mut numbers, &mut shot.in_media);
+                begin = end;
+                passed = (passed + 1) % MOST_PASSED;
+            }
             // What media emit is no light of the lamp.
             let mut glow = SampledSpectrum::ZERO;
             let step = walker.step(
@@ -186,6 +228,11 @@ impl<'a> Shooter<'a> {
                     return Some(hit);
                 }
                 PathStep::Passed if !carried.throughput.is_black() => {}
+                PathStep::Scattered(_) if photon.bounces > 0 => {
+                    shot.scattered.0 += 1;
+                    shot.scattered.1 += f64::from(carried.throughput.average());
+                    return None;
+                }
                 _ => return None,
             }
         }
@@ -333,6 +380,7 @@ impl<'a> Shooter<'a> {
                     hue: photon.hue,
                     time,
                     source: photon.source,
+                    medium: 0,
                 });
             }
             return None;

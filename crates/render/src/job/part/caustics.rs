@@ -1,11 +1,12 @@
-//! Photons in the renderer of parts: what paths gather at surfaces, and what they leave to photons
-//! ([`crate::job::caustics`]).
+//! Photons in the renderer of parts: what paths gather at surfaces and in media, and what they leave
+//! to photons ([`crate::job::caustics`]).
 
 use super::PartRenderer;
 use crate::film::BLOCK;
+use crate::integrator::MediumVertex;
 use crate::integrator::carried::Chain;
-use crate::integrator::light_part::{LightSource, LightTag, LobeShares, Scatterings};
-use crate::job::caustics::{Caustics, PhotonMap, Windows};
+use crate::integrator::light_part::{LightSource, LightTag, LobeShares};
+use crate::job::caustics::{Caustics, PhotonMap, PhotonMaps, Windows};
 use crate::job::journal::Event;
 use crate::job::volumes::VolumeBatch;
 use snell_intersect::SurfaceInteraction;
@@ -23,8 +24,8 @@ const LEAST_COS: f32 = 1e-3;
 /// The photons that a renderer of parts uses.
 pub struct Gathering<'a> {
     technique: &'a Caustics<'a>,
-    /// The map of the current block; `None` while a guiding field is trained.
-    map: Option<(Arc<PhotonMap>, Windows)>,
+    /// The maps of the current block; `None` while a guiding field is trained.
+    maps: Option<(Arc<PhotonMaps>, Windows)>,
     /// True if photons are gathered at all.
     gathers: bool,
     /// What each path has arrived at.
@@ -34,20 +35,20 @@ pub struct Gathering<'a> {
 /// What a path has arrived at, as far as photons are concerned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Arrival {
-    /// No surface.
+    /// Nothing that scatters it.
     Nowhere,
     /// A caster.
     Caster,
-    /// Another surface, without photons nearby.
+    /// Another surface or a point of a medium, without photons nearby.
     Receiver,
-    /// Another surface, perhaps with photons nearby.
+    /// Another surface or a point of a medium, perhaps with photons nearby.
     NearPhotons,
 }
 
 impl<'a> Gathering<'a> {
     /// For renders of the picture.
     pub fn new(technique: &'a Caustics<'a>) -> Self {
-        Self { technique, map: None, gathers: true, arrivals: Vec::new() }
+        Self { technique, maps: None, gathers: true, arrivals: Vec::new() }
     }
 
     /// For the training of a guiding field, which need not find what photons bring.
@@ -65,43 +66,90 @@ struct Sum {
     parts: Vec<(SampledSpectrum, LightTag)>,
 }
 
+impl Sum {
+    fn add(&mut self, light: SampledSpectrum, tag: Option<LightTag>) {
+        self.light += light;
+        self.photons += 1;
+        self.parts.extend(tag.map(|tag| (light, tag)));
+    }
+}
+
+/// Which photons a path sees at a vertex.
+struct Sight {
+    /// The random number that chose the wavelengths of the path; `None` in RGB mode.
+    hue: Option<f32>,
+    time: f32,
+    windows: Windows,
+    /// The largest number of casters on the way of a photon.
+    most_bounces: u32,
+}
+
+impl Sight {
+    /// The power of a photon in the colours of the path, and a factor on it; `None` if the path
+    /// does not see it.
+    #[inline]
+    fn power(&self, map: &PhotonMap, photon: u32) -> Option<(SampledSpectrum, f32)> {
+        let mut flux = map.flux(photon);
+        if let Some(hue) = self.hue {
+            flux = seen_at(flux, map.hue(photon), hue, self.windows.hue);
+            if flux.is_black() {
+                return None;
+            }
+        }
+        let moment = map.time(photon).map_or(1.0, |t| weight_of(t, self.time, self.windows.time));
+        (moment != 0.0).then_some((flux, moment))
+    }
+}
+
 impl<'a> PartRenderer<'a> {
-    /// Makes the map of the block of a sample, if photons are to be gathered.
+    /// Makes the maps of the block of a sample, if photons are to be gathered.
     pub(super) fn take_map(&mut self, sample: u32) {
         let Some(gathering) = self.caustics.as_mut().filter(|gathering| gathering.gathers) else {
             return;
         };
         let pass = sample / BLOCK;
-        let map = gathering.technique.map(pass, &mut self.tracer);
-        gathering.map = map.map(|map| (map, gathering.technique.windows(pass)));
+        let maps = gathering.technique.maps(pass, &mut self.tracer);
+        gathering.maps = maps.map(|maps| (maps, gathering.technique.windows(pass)));
     }
 
-    /// Gathers photons for all paths that have arrived on a surface.
+    /// Gathers photons for all paths that have arrived on a surface, or that a medium scatters.
     pub(super) fn gather(&mut self, depth: u32) {
         let Some(mut gathering) = self.caustics.take() else { return };
-        let map = gathering.map.clone();
+        let maps = gathering.maps.clone();
         let scene = gathering.technique.scene;
         // (A short loop, in which many looks at the map are under way at once.)
         gathering.arrivals.clear();
         gathering.arrivals.extend((0..self.paths.len()).map(|path| {
             let hit = &self.paths.hits[path];
-            if !hit.is_hit() || self.paths.is_dead(path) || self.is_scattered(path) {
-                return Arrival::Nowhere;
-            }
-            if scene.casters().is_caster(scene.material_id(hit)) {
-                return Arrival::Caster;
-            }
-            let point = self.paths.rays[path].at(hit.t);
-            match map.as_ref().is_some_and(|(map, _)| map.may_be_near(point)) {
-                true => Arrival::NearPhotons,
-                false => Arrival::Receiver,
-            }
+            let is_near = match self.scattered_at(path) {
+                _ if self.paths.is_dead(path) => return Arrival::Nowhere,
+                Some(at) => {
+                    maps.as_ref().is_some_and(|(maps, _)| maps.in_media.may_be_near(at.position))
+                }
+                None if !hit.is_hit() => return Arrival::Nowhere,
+                None if scene.casters().is_caster(scene.material_id(hit)) => {
+                    return Arrival::Caster;
+                }
+                None => {
+                    let point = self.paths.rays[path].at(hit.t);
+                    maps.as_ref().is_some_and(|(maps, _)| maps.on_surfaces.may_be_near(point))
+                }
+            };
+            if is_near { Arrival::NearPhotons } else { Arrival::Receiver }
         }));
         self.caustics = Some(gathering);
-        let Some((map, windows)) = map.filter(|_| depth < self.context.max_depth()) else { return };
+        let maps = maps.filter(|_| depth < self.context.max_depth());
+        let Some((maps, windows)) = maps else { return };
         for path in 0..self.paths.len() {
-            if self.arrival(path) == Arrival::NearPhotons {
-                self.gather_at(depth, path, &map, windows);
+            if self.arrival(path) != Arrival::NearPhotons {
+                continue;
+            }
+            match self.scattered_at(path) {
+                Some(at) => {
+                    let sum = self.gathered_in_medium(depth, path, (&maps.in_media, windows), &at);
+                    self.bring(path, &sum);
+                }
+                None => self.gather_at(depth, path, &maps.on_surfaces, windows),
             }
         }
     }
@@ -123,6 +171,11 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let sum = self.gathered_at(depth, path, (map, windows), &interaction, &shading, wo);
+        self.bring(path, &sum);
+    }
+
+    /// Adds to the light of a path what it has gathered.
+    fn bring(&mut self, path: usize, sum: &Sum) {
         let throughput = self.paths.carried[path].throughput;
         let radiance = self.clamped(true, throughput * sum.light);
         if radiance.is_black() || !radiance.is_finite() {
@@ -152,8 +205,7 @@ impl<'a> PartRenderer<'a> {
     ) -> Sum {
         let (rest, mut sum) = (*self.paths.rest(path), Sum::default());
         let (normal, radius_squared) = (at.geometric_normal, map.radius * map.radius);
-        let hue = self.hue_of(path);
-        let most_bounces = self.context.max_depth().saturating_sub(depth + 1);
+        let sight = self.sight(depth, path, windows);
         let (thickness, is_opaque) = (THICKNESS * map.radius, shading.is_opaque());
         let side = normal.dot(wo);
         // The most common surfaces scatter alike in all directions.
@@ -169,41 +221,80 @@ impl<'a> PartRenderer<'a> {
             }
             let (wi, bounces) = map.way(photon);
             let cos = normal.dot(wi);
-            if bounces > most_bounces || (is_opaque && cos * side <= 0.0) {
+            if bounces > sight.most_bounces || (is_opaque && cos * side <= 0.0) {
                 continue;
             }
-            let mut flux = map.flux(photon);
-            if let Some(hue) = hue {
-                flux = seen_at(flux, map.hue(photon), hue, windows.hue);
-                if flux.is_black() {
-                    continue;
-                }
-            }
-            let moment = map.time(photon).map_or(1.0, |t| weight_of(t, rest.time, windows.time));
-            if moment == 0.0 {
-                continue;
-            }
+            let Some((flux, moment)) = sight.power(map, photon) else { continue };
             let value = match matte {
                 Some(value) => value,
                 None => shading.eval(wo, wi) * (1.0 / cos.abs().max(LEAST_COS)),
             };
             // A kernel that falls off towards the radius, of unit integral over the disk.
             let kernel = 2.0 * (1.0 - distance_squared / radius_squared) / (PI * radius_squared);
-            let light = flux * value * (kernel * moment);
-            sum.light += light;
-            sum.photons += 1;
-            if !self.light_parts.is_empty() {
+            let tag = (!self.light_parts.is_empty()).then(|| {
                 let lobe = match self.context.wants_lobes && depth == 0 {
                     true => LobeShares::of_surface(shading, wo, wi, false),
                     false => rest.lobe,
                 };
-                let source = map.source(photon).unwrap_or(LightSource::Medium);
-                let scatterings = Scatterings::of(depth + 1 + bounces);
-                let group = self.light_parts.group(source);
-                sum.parts.push((light, LightTag { lobe, scatterings, group }));
-            }
+                self.tag_of_photon(map, photon, lobe, depth + 1 + bounces)
+            });
+            sum.add(flux * value * (kernel * moment), tag);
         }
         sum
+    }
+
+    /// The light that photons near a point of a medium send back along the path that the medium
+    /// scatters there.
+    fn gathered_in_medium(
+        &self,
+        depth: u32,
+        path: usize,
+        (map, windows): (&PhotonMap, Windows),
+        at: &MediumVertex,
+    ) -> Sum {
+        let mut sum = Sum::default();
+        let Some(media) = self.volumes.as_ref().map(VolumeBatch::surroundings) else { return sum };
+        let medium = media.walker.medium_tag(media.known.get(media.insides[path]));
+        let (forward, radius_squared) = (self.paths.rays[path].direction, map.radius * map.radius);
+        let sight = self.sight(depth, path, windows);
+        // A kernel that falls off towards the radius, of unit integral over the ball.
+        let highest = 15.0 / (8.0 * PI * radius_squared * map.radius);
+        for photon in map.near(at.position).photons() {
+            let distance_squared = map.position(photon).distance_squared(at.position);
+            if distance_squared >= radius_squared || map.medium(photon) != medium {
+                continue;
+            }
+            let (wi, bounces) = map.way(photon);
+            if bounces > sight.most_bounces {
+                continue;
+            }
+            let Some((flux, moment)) = sight.power(map, photon) else { continue };
+            let kernel = highest * (1.0 - distance_squared / radius_squared);
+            let tag = (!self.light_parts.is_empty()).then(|| {
+                let lobe = match self.context.wants_lobes && depth == 0 {
+                    true => LobeShares::VOLUME,
+                    false => self.paths.rest(path).lobe,
+                };
+                self.tag_of_photon(map, photon, lobe, depth + 1 + bounces)
+            });
+            sum.add(flux * (at.phase.pdf(forward, wi) * kernel * moment), tag);
+        }
+        sum
+    }
+
+    fn sight(&self, depth: u32, path: usize, windows: Windows) -> Sight {
+        let most_bounces = self.context.max_depth().saturating_sub(depth + 1);
+        Sight { hue: self.hue_of(path), time: self.paths.rest(path).time, windows, most_bounces }
+    }
+
+    fn tag_of_photon(
+        &self,
+        map: &PhotonMap,
+        photon: u32,
+        lobe: LobeShares,
+        scatterings: u32,
+    ) -> LightTag {
+        self.tag(lobe, scatterings, map.source(photon).unwrap_or(LightSource::Medium))
     }
 
     /// The random number that chose the wavelengths of a path; `None` in RGB mode.
@@ -215,15 +306,17 @@ impl<'a> PartRenderer<'a> {
         Some(self.sampler.numbers_of(key).number(crate::integrator::camera_path::WAVELENGTH))
     }
 
-    fn is_scattered(&self, path: usize) -> bool {
-        let media = self.volumes.as_ref().map(VolumeBatch::surroundings);
-        media.is_some_and(|media| media.scattered[path].is_some())
+    /// The point at which a medium scatters a path; `None` if none does.
+    fn scattered_at(&self, path: usize) -> Option<MediumVertex> {
+        self.volumes.as_ref().and_then(|volumes| volumes.scattered[path])
     }
 
     /// The share of the light that a path finds at its vertex that is not that of photons.
     pub(super) fn left_to_path(&self, path: usize) -> f32 {
         let Some(Gathering { technique, .. }) = &self.caustics else { return 1.0 };
-        if self.paths.carried[path].marks.chain() != Chain::Casters || self.is_scattered(path) {
+        if self.paths.carried[path].marks.chain() != Chain::Casters
+            || self.scattered_at(path).is_some()
+        {
             return 1.0;
         }
         let direction = self.paths.rays[path].direction;
