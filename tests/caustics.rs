@@ -643,8 +643,8 @@ fn photons_and_paths_agree_about_light_that_media_scatter() {
     assert!(failed.is_empty(), "{failed:?}");
 }
 
-/// A box of a medium in the shadow of a ball, in the light of a spot. A ball that bends no light changes nothing, but only
-/// photons bring light through it.
+/// A box of a medium in the shadow of a ball, in the light of a spot. A ball that bends no light
+/// changes nothing, but only photons bring light through it.
 #[test]
 fn a_ball_of_air_casts_no_shadow_into_media() {
     let (min, max) = (DVec3::new(-0.5, 0.2, -0.4), DVec3::new(0.4, 1.4, 0.5));

@@ -1,5 +1,5 @@
-//! Photons in the renderer of parts: what paths gather at surfaces and in media, and what they leave
-//! to photons ([`crate::job::caustics`]).
+//! Photons in the renderer of parts: what paths gather at surfaces and in media, and what they
+//! leave to photons ([`crate::job::caustics`]).
 
 use super::PartRenderer;
 use crate::film::BLOCK;
