@@ -94,3 +94,8 @@ def on_page_content(html: str, **_: object) -> str:
 
 def on_post_page(output: str, **_: object) -> str:
     return output.replace(SEARCH, f'{SEARCH} aria-label="Search"')
+
+
+def on_post_template(output_content: str, **_: object) -> str:
+    """The page for errors is a template of the theme."""
+    return on_post_page(output_content)
