@@ -126,7 +126,7 @@ impl LobeShares {
 }
 
 /// The classification of light that arrives at the camera.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightTag {
     /// The first scattering of the light.
     pub lobe: LobeShares,

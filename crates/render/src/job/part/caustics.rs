@@ -21,6 +21,10 @@ const THICKNESS: f32 = 0.3;
 /// The least cosine of a photon's direction with the surface. It bounds what a photon brings.
 const LEAST_COS: f32 = 1e-3;
 
+/// The number of tags among which a photon's is looked for. Most photons near a point have one of
+/// a few.
+const RECENT: usize = 8;
+
 /// The photons that a renderer of parts uses.
 pub struct Gathering<'a> {
     technique: &'a Caustics<'a>,
@@ -62,7 +66,7 @@ impl<'a> Gathering<'a> {
 struct Sum {
     light: SampledSpectrum,
     photons: u32,
-    /// What each photon brings, if layers need it.
+    /// The same by tag, if layers need it.
     parts: Vec<(SampledSpectrum, LightTag)>,
 }
 
@@ -70,7 +74,11 @@ impl Sum {
     fn add(&mut self, light: SampledSpectrum, tag: Option<LightTag>) {
         self.light += light;
         self.photons += 1;
-        self.parts.extend(tag.map(|tag| (light, tag)));
+        let Some(tag) = tag else { return };
+        match self.parts.iter_mut().rev().take(RECENT).find(|(_, known)| *known == tag) {
+            Some((sum, _)) => *sum += light,
+            None => self.parts.push((light, tag)),
+        }
     }
 }
 
