@@ -133,7 +133,7 @@ pub(super) fn short(x: f32) -> String {
 }
 
 fn rgb(color: &[f32]) -> String {
-    color.iter().map(|&c| format!("{:<9}", short(c))).collect::<String>()
+    color.iter().map(|&c| format!("{:<8} ", short(c))).collect::<String>()
 }
 
 #[cfg(test)]
