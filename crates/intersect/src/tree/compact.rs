@@ -156,10 +156,10 @@ impl BlocksAt {
         Self::new(lines.as_ptr().cast(), size_of::<Line>() as u32)
     }
 
-    /// The address of a block, for prefetching.
+    /// The address of a block, for prefetching. (Of other numbers it is any address.)
     #[inline(always)]
     pub fn address(self, number: usize) -> *const u8 {
-        self.start.wrapping_add(number * self.stride as usize)
+        self.start.wrapping_add(number.wrapping_mul(self.stride as usize))
     }
 
     #[inline(always)]
