@@ -119,7 +119,9 @@ pub(crate) fn exact_hit_closed(
     }
     // All three edge values have the sign `s0`, or would have it without rounding.
     let side = f64::from(s0);
-    let [w0, w1, w2] = [w0, w1, w2].map(|w| (w * side).max(0.0));
+    // (`max` may return either zero, depending on the processor.)
+    let positive = |w: f64| if w > 0.0 { w } else { 0.0 };
+    let [w0, w1, w2] = [w0, w1, w2].map(|w| positive(w * side));
     let scale = 1.0 / (w0 + w1 + w2);
     let uv = if scale > 0.0 && scale.is_finite() {
         DVec2::new(w1, w2) * scale
