@@ -63,15 +63,13 @@ fn made_since(folder: &Path, time: SystemTime) -> Vec<PathBuf> {
     wheels
 }
 
-/// Prints which Linux systems a wheel suits, if `auditwheel` is installed.
+/// Prints which Linux systems a wheel suits.
 fn audit(programs: &Path, wheel: &Path) {
     if !wheel.to_string_lossy().contains("linux") {
         return;
     }
-    let beside = programs.join("auditwheel");
-    let program = if beside.exists() { beside } else { "auditwheel".into() };
-    match Command::new(program).arg("show").arg(wheel).output() {
+    match Command::new(programs.join("auditwheel")).arg("show").arg(wheel).output() {
         Ok(output) => print!("{}", String::from_utf8_lossy(&output.stdout)),
-        Err(_) => println!("xtask: not audited: auditwheel is not here (pip install auditwheel)"),
+        Err(error) => println!("xtask: not audited: auditwheel: {error}"),
     }
 }
